@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Run a policy on a task's held-out worlds and measure how well it drives."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pm01_nav.benchmark.metrics import barn_score, spl, wilson_interval
+from pm01_nav.errors import InputError
+from pm01_nav.policy.protocol import Policy
+from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.terminations import out_of_time
+from pm01_nav.task.worlds import world_pool
+from pm01_nav.worlds.barn import load_barn
+from pm01_nav.worlds.free_space import shortest_path_length
+from pm01_nav.worlds.pool import WorldPool
+
+CHUNK = 1024
+"""Episodes simulated side by side."""
+START_RADIUS = 0.1
+"""BARN's clock starts when the robot has moved this far [m]."""
+SIMULATOR = "pm01 planar simulator, not the official BARN evaluation"
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass
+class EpisodeResults:
+    """What happened in each of n episodes; arrays (n,)."""
+
+    world: NDArray[np.int64]
+    success: NDArray[np.bool_]
+    collision: NDArray[np.bool_]
+    steps: NDArray[np.int64]
+    moving_time: FloatArray
+    """From the first 0.1 m to the end [s]."""
+    path_length: FloatArray
+    """[m]"""
+    shortest_path: FloatArray
+    """From start to goal radius [m]; infinity if the planner found no way."""
+    min_clearance: FloatArray
+    """[m]"""
+    jerk: FloatArray
+    """Mean absolute jerk [m/s^3]."""
+
+
+@dataclass
+class Recorder:
+    """Sums up a running chunk of episodes; arrays (num_envs,)."""
+
+    dt: float
+    start: FloatArray
+    position: FloatArray
+    active: NDArray[np.bool_]
+    path_length: FloatArray
+    min_clearance: FloatArray
+    moved_at: NDArray[np.int64]
+    jerk_sum: FloatArray
+    steps: NDArray[np.int64]
+    success: NDArray[np.bool_]
+    collision: NDArray[np.bool_]
+    speeds: list[FloatArray] = field(default_factory=list)
+
+    @classmethod
+    def begin(cls, batch: NavigationBatch) -> Recorder:
+        """Start recording at the present state."""
+        state, n = batch.simulator.state, batch.num_envs
+        return cls(
+            dt=batch.config.control_dt,
+            start=state.pose[:, :2].copy(),
+            position=state.pose[:, :2].copy(),
+            active=np.ones(n, dtype=np.bool_),
+            path_length=np.zeros(n),
+            min_clearance=state.clearance.copy(),
+            moved_at=np.full(n, -1),
+            jerk_sum=np.zeros(n),
+            steps=np.zeros(n, dtype=np.int64),
+            success=np.zeros(n, dtype=np.bool_),
+            collision=np.zeros(n, dtype=np.bool_),
+            speeds=[state.twist[:, 0].copy()],
+        )
+
+    def record(self, batch: NavigationBatch, command: FloatArray) -> None:
+        """Advance the batch by one step and add what happened to the active episodes."""
+        step = batch.advance(command)
+        active = self.active
+        position = step.pose[:, :2].copy()
+        moved = np.linalg.norm(position - self.position, axis=1)
+        self.path_length += np.where(active, moved, 0.0)
+        self.position = position
+        self.min_clearance = np.where(
+            active, np.minimum(self.min_clearance, step.clearance), self.min_clearance
+        )
+        far = np.linalg.norm(position - self.start, axis=1) >= START_RADIUS
+        self.moved_at[active & far & (self.moved_at < 0)] = step.count[0]
+        self._add_jerk(step.twist[:, 0].copy())
+        self.steps[active] = step.count[active]
+        self.success |= active & step.reached
+        self.collision |= active & step.collided
+        self.active = active & ~(step.reached | step.collided | out_of_time(step, batch.config))
+
+    def _add_jerk(self, speed: FloatArray) -> None:
+        self.speeds = [*self.speeds[-2:], speed]
+        if len(self.speeds) == 3:
+            before, last, now = self.speeds
+            jerk = np.abs(now - 2.0 * last + before) / self.dt**2
+            self.jerk_sum += np.where(self.active, jerk, 0.0)
+
+    def results(self, world: NDArray[np.int64], shortest: FloatArray) -> EpisodeResults:
+        """Return what was recorded."""
+        moved_at = np.where(self.moved_at < 0, self.steps, self.moved_at)
+        return EpisodeResults(
+            world=world,
+            success=self.success,
+            collision=self.collision,
+            steps=self.steps,
+            moving_time=self.dt * (self.steps - moved_at).astype(np.float64),
+            path_length=self.path_length,
+            shortest_path=shortest,
+            min_clearance=self.min_clearance,
+            jerk=self.jerk_sum / np.maximum(self.steps - 1, 1),
+        )
+
+
+def goal_in_base(batch: NavigationBatch) -> FloatArray:
+    """Return every goal as x forward, y left in base_link [m], shape (num_envs, 2)."""
+    distance, bearing = batch.simulator.state.goal_polar.T
+    return np.stack([distance * np.cos(bearing), distance * np.sin(bearing)], axis=-1)
+
+
+class Evaluator:
+    """The same held-out episodes for every policy that it runs.
+
+    Episode k is the same for the same seed, whatever the number of episodes. Worlds from files
+    are visited in turn.
+    """
+
+    def __init__(self, config: TaskConfig, episodes: int, seed: int) -> None:
+        """Make or read the worlds.
+
+        Raises:
+            InputError: the worlds cannot be had.
+        """
+        self.config, self.episodes, self.seed = config, episodes, seed
+        self._pool = world_pool(config, "held_out", episodes, seed)
+        self._shortest: dict[int, FloatArray] = {}
+
+    def run(self, policy: Policy) -> tuple[EpisodeResults, float]:
+        """Run every episode; return the results and the wall time of driving [s].
+
+        Raises:
+            InputError: the policy answers with something unusable.
+        """
+        chunks, seconds = [], 0.0
+        for first in range(0, self.episodes, CHUNK):
+            count = min(CHUNK, self.episodes - first)
+            batch = NavigationBatch(self.config, self._pool, count, autoreset=False)
+            numbers = np.arange(first, first + count)
+            batch.reset((self.seed << 32) + numbers, numbers % len(self._pool))
+            if first not in self._shortest:
+                self._shortest[first] = _shortest_paths(batch, self._pool)
+            began = time.perf_counter()
+            recorder = _drive(policy, batch)
+            seconds += time.perf_counter() - began
+            world = batch.simulator.state.world.copy()
+            chunks.append(recorder.results(world, self._shortest[first]))
+        return _join(chunks), seconds
+
+    def summary(self, policy: Policy) -> dict[str, Any]:
+        """Run every episode; return the figures of merit as plain data."""
+        results, seconds = self.run(policy)
+        summary = {"seed": self.seed} | summarize(results, self.config, seconds)
+        if self.config.suite == "barn" and self.config.worlds is not None:
+            summary |= summarize_barn(results, load_barn(self.config.worlds).path_lengths)
+        return summary
+
+
+def _drive(policy: Policy, batch: NavigationBatch) -> Recorder:
+    """Drive every robot of a fresh batch until its episode ends."""
+    policy.reset()
+    simulator = batch.simulator
+    recorder = Recorder.begin(batch)
+    while recorder.active.any():
+        command = policy.act(simulator.scan, goal_in_base(batch), simulator.state.twist)
+        recorder.record(batch, _checked(command, batch.num_envs))
+    return recorder
+
+
+def summarize(results: EpisodeResults, config: TaskConfig, seconds: float) -> dict[str, Any]:
+    """Return the figures of merit as plain data."""
+    n = len(results.success)
+    timeout = ~(results.success | results.collision)
+    won = results.success
+    known = np.isfinite(results.shortest_path)
+    summary: dict[str, Any] = {"task": config.name, "robot": config.robot, "episodes": n}
+    for name, outcome in (
+        ("success_rate", won),
+        ("collision_rate", results.collision),
+        ("timeout_rate", timeout),
+    ):
+        summary[name] = float(outcome.mean())
+        summary[f"{name}_ci95"] = list(wilson_interval(int(outcome.sum()), n))
+    steps = int(results.steps.sum())
+    summary |= {
+        "spl": spl(won[known], results.shortest_path[known], results.path_length[known]),
+        "time_to_goal_s": _mean(results.steps[won] * config.control_dt),
+        "path_length_m": _mean(results.path_length[won]),
+        "min_clearance_m": _mean(results.min_clearance),
+        "mean_jerk": _mean(results.jerk),
+        "steps_per_second": round(steps / seconds, 1) if seconds > 0 else None,
+    }
+    return summary
+
+
+def summarize_barn(results: EpisodeResults, path_lengths: FloatArray) -> dict[str, Any]:
+    """Return the BARN challenge's scores, labelled as ours; ``path_lengths`` (num_worlds,) [m]."""
+    length = path_lengths[results.world]
+    worlds = np.unique(results.world)
+
+    def mean_over_worlds(values: FloatArray) -> float:
+        return float(np.mean([values[results.world == w].mean() for w in worlds]))
+
+    scores = {
+        "barn_score_2024": barn_score(results.success, length, results.moving_time, (2, 8)),
+        "barn_score_2022": barn_score(results.success, length, results.moving_time, (4, 8)),
+    }
+    won = results.success & (results.moving_time > 0)
+    ratio = length[won] / 2.0 / results.moving_time[won]
+    return {name: mean_over_worlds(s) for name, s in scores.items()} | {
+        "barn_optimal_over_actual_time": _mean(ratio),
+        "barn_worlds": len(worlds),
+        "barn_evaluated_in": SIMULATOR,
+    }
+
+
+def _shortest_paths(batch: NavigationBatch, pool: WorldPool) -> FloatArray:
+    """Return the shortest length from each start to its goal's radius [m]."""
+    state = batch.simulator.state
+    spaces = {int(w): pool.free_space(int(w)) for w in np.unique(state.world)}
+    lengths = np.zeros(batch.num_envs)
+    for i in range(batch.num_envs):
+        start = (float(state.pose[i, 0]), float(state.pose[i, 1]))
+        goal = (float(state.goal[i, 0]), float(state.goal[i, 1]))
+        lengths[i] = shortest_path_length(spaces[int(state.world[i])], start, goal)
+    return np.maximum(lengths - batch.config.goal_radius, 0.0)
+
+
+def _checked(command: FloatArray, count: int) -> FloatArray:
+    command = np.asarray(command, dtype=np.float64)
+    if command.shape != (count, 2) or not np.isfinite(command).all():
+        raise InputError(f"the policy's commands must be finite and of shape ({count}, 2)")
+    return command
+
+
+def _mean(values: NDArray[Any]) -> float | None:
+    return None if len(values) == 0 or math.isnan(values.mean()) else float(values.mean())
+
+
+def _join(chunks: list[EpisodeResults]) -> EpisodeResults:
+    names = EpisodeResults.__dataclass_fields__
+    return EpisodeResults(**{n: np.concatenate([getattr(c, n) for c in chunks]) for n in names})

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Find the policy that a command names: a file, a run's folder or a classical planner."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pm01_nav.config import read_yaml, validate
+from pm01_nav.errors import InputError
+from pm01_nav.planners import PLANNERS
+from pm01_nav.policy import OnnxPolicy, Policy
+from pm01_nav.robot import RobotSpec
+from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.tasks import TASKS, task_config
+
+
+def load_policy(name: str, robot: RobotSpec, control_dt: float) -> Policy:
+    """Return a planner built for ``robot``, or a trained policy that fits it.
+
+    Raises:
+        InputError: there is no such policy, or it does not fit the robot or the control rate.
+    """
+    if name in PLANNERS:
+        return PLANNERS[name](robot)
+    policy = OnnxPolicy(_policy_file(name), robot)
+    if abs(policy.control_dt - control_dt) > 1e-9:
+        raise InputError(
+            f"{name}: acts every {policy.control_dt:g} s, but the task every {control_dt:g} s"
+        )
+    return policy
+
+
+def trained_task(name: str) -> TaskConfig | None:
+    """Return the task that a run's folder or a policy file was trained on, if it is known."""
+    if name in PLANNERS:
+        return None
+    if Path(name).is_dir():
+        return _stored_task(Path(name))
+    task = OnnxPolicy(_policy_file(name)).metadata.get("task")
+    return task_config(task) if task in TASKS else None
+
+
+def _stored_task(folder: Path) -> TaskConfig:
+    path = folder / "config.yaml"
+    if not path.is_file():
+        raise InputError(f"{folder}: is no run folder (it has no config.yaml)")
+    return validate(TaskConfig, read_yaml(path).get("task") or {}, f"{path}: task")
+
+
+def _policy_file(name: str) -> Path:
+    path = Path(name)
+    if path.is_dir():
+        _stored_task(path)
+        policy = path / "policy.onnx"
+        if not policy.is_file():
+            raise InputError(f"{name}: has no policy.onnx yet; `pm01 export {name} -o {policy}`")
+        return policy
+    if path.is_file():
+        return path
+    planners = ", ".join(sorted(PLANNERS))
+    raise InputError(f"policy = {name!r}: no such file or run folder, nor a planner ({planners})")

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a terminal shows: the progress of a training run, and tables of results."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+
+class TrainingDisplay:
+    """A progress bar on a terminal, a line an evaluation elsewhere."""
+
+    def __init__(self, console: Console | None = None) -> None:
+        """Show on ``console``, standard error by default."""
+        self._console = console or Console(stderr=True)
+        self._bar = Progress(
+            TextColumn("[bold]{task.description}"),
+            BarColumn(),
+            TextColumn("{task.percentage:>3.0f} %"),
+            TextColumn("{task.fields[rate]}"),
+            TextColumn("{task.fields[success]}"),
+            TimeRemainingColumn(compact=True),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> TrainingDisplay:
+        """Show the bar."""
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the bar as it is."""
+        self._bar.stop()
+
+    def started(self, message: str) -> None:
+        """Say how the run was set up."""
+        self._console.print(message, style="dim", highlight=False)
+        self._task = self._bar.add_task("training", total=1.0, rate="", success="")
+
+    def iteration(self, fraction: float, row: dict[str, float], steps_per_second: float) -> None:
+        """Show one iteration."""
+        success = row["success_rate"]
+        assert self._task is not None
+        self._bar.update(
+            self._task,
+            completed=min(fraction, 1.0),
+            rate=f"{steps_per_second / 1e3:5.1f} k steps/s",
+            success="" if success != success else f"success {100 * success:5.1f} %",
+        )
+
+    def evaluated(self, steps: int, summary: dict[str, Any]) -> None:
+        """Print an evaluation on held-out worlds."""
+        rates = [100.0 * summary[f"{n}_rate"] for n in ("success", "collision", "timeout")]
+        self._console.print(
+            f"{steps:>12,} steps: held-out worlds: success {rates[0]:.1f} %, "
+            f"collision {rates[1]:.1f} %, timeout {rates[2]:.1f} %",
+            highlight=False,
+        )
+
+
+def results_table(columns: dict[str, dict[str, Any]], title: str) -> Table:
+    """Return evaluation results as a table, one column for each policy."""
+    table = Table(title=title)
+    table.add_column("", justify="left")
+    for name in columns:
+        table.add_column(name, justify="right")
+    for label, key in (
+        ("success", "success_rate"),
+        ("collision", "collision_rate"),
+        ("timeout", "timeout_rate"),
+    ):
+        table.add_row(label, *(_rate(summary, key) for summary in columns.values()))
+    for label, key, unit in (
+        ("SPL", "spl", ""),
+        ("time to goal", "time_to_goal_s", " s"),
+        ("path length", "path_length_m", " m"),
+        ("least clearance", "min_clearance_m", " m"),
+        ("mean jerk", "mean_jerk", " m/s^3"),
+        ("BARN score 2024 (of 0.5)", "barn_score_2024", ""),
+        ("BARN score 2022 (of 0.25)", "barn_score_2022", ""),
+    ):
+        if any(key in summary for summary in columns.values()):
+            table.add_row(label, *(_number(s.get(key), unit) for s in columns.values()))
+    return table
+
+
+def _rate(summary: dict[str, Any], key: str) -> str:
+    low, high = summary[f"{key}_ci95"]
+    return f"{100 * summary[key]:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "-" if value is None else f"{value:.3g}{unit}"

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``pm01 evaluate``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from pm01_nav.cli.options import task_from_options, task_options
+
+
+@click.command("evaluate", short_help="Measure a policy on worlds it has never seen.")
+@click.argument("policy")
+@task_options
+@click.option("--episodes", type=click.IntRange(1), default=1000, show_default=True)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**31 - 1),
+    default=1,
+    show_default=True,
+    help="Chooses the held-out worlds, starts and goals.",
+)
+@click.option("--json", "json_file", metavar="FILE", help="Write the figures; - for stdout.")
+def command(policy: str, episodes: int, seed: int, json_file: str | None, **options: Any) -> None:
+    r"""Measure POLICY: a policy.onnx, a run's folder, or a planner's name (goal_seeking).
+
+    Rates come with Wilson 95 % intervals. Without --task a policy is measured on the task it was
+    trained on. BARN (Perille et al. 2020): unpack the dataset, then
+
+    \b
+      pm01 evaluate policy.onnx --task barn --worlds barn_data --episodes 250
+    """
+    import json
+
+    from rich.console import Console
+
+    from pm01_nav.benchmark.evaluate import Evaluator
+    from pm01_nav.benchmark.policies import load_policy, trained_task
+    from pm01_nav.cli.display import results_table
+    from pm01_nav.config import write_atomically
+    from pm01_nav.provenance import provenance
+
+    task = task_from_options(trained_task(policy), **options)
+    driver = load_policy(policy, task.robot_spec(), task.control_dt)
+    summary = {"policy": policy} | Evaluator(task, episodes, seed).summary(driver)
+    text = json.dumps(summary | provenance(), indent=2)
+    if json_file == "-":
+        click.echo(text)
+        return
+    if json_file:
+        write_atomically(json_file, text + "\n")
+    title = f"{task.name}: {episodes} episodes on held-out worlds, seed {seed}"
+    Console().print(results_table({policy: summary}, title))
+    if "barn_evaluated_in" in summary:
+        click.echo(f"BARN scores: {summary['barn_evaluated_in']}")

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``pm01 export``."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command("export", short_help="Write a run's best policy as one ONNX file.")
+@click.argument("run")
+@click.option("-o", "--output", required=True, metavar="FILE", help="The file to write.")
+def command(run: str, output: str) -> None:
+    """Write the best policy of the folder RUN as one ONNX file.
+
+    The file holds the normaliser, the network and the robot's limits, and says in its metadata
+    which lidar and robot it fits and how it was made. It needs numpy and onnxruntime to run.
+    """
+    from pathlib import Path
+
+    from pm01_nav.errors import InputError
+    from pm01_nav.train.run_folder import RunFolder
+    from pm01_nav.train.trainer import export_best
+
+    folder = RunFolder(run)
+    config = folder.load_config()
+    if not Path(output).resolve().parent.is_dir():
+        raise InputError(f"output = {output}: its folder does not exist")
+    export_best(folder, config, output)
+    click.echo(f"wrote {output}")

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Options that several commands share, and the task they describe together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from pm01_nav.task.config import TaskConfig
+
+Command = Callable[..., Any]
+
+
+def task_options(command: Command) -> Command:
+    """Add the options that choose a task."""
+    for option in reversed(
+        (
+            click.option(
+                "--task",
+                metavar="NAME",
+                help="Where to drive: static, empty, article, map (with --map), barn_like, "
+                "barn (with --worlds).",
+            ),
+            click.option("--map", "map_", metavar="FILE", help="A ROS map's YAML, for task map."),
+            click.option(
+                "--worlds", metavar="DIR", help="The unpacked BARN dataset, for task barn."
+            ),
+            click.option(
+                "--robot", metavar="NAME|FILE", help="A robot by name (pm01, jackal) or its YAML."
+            ),
+            click.option(
+                "--config",
+                "config_file",
+                metavar="FILE",
+                help="A YAML file such as a run's config.yaml; flags go over it.",
+            ),
+            click.option(
+                "--set",
+                "changes",
+                multiple=True,
+                metavar="KEY=VALUE",
+                help="Change any key, e.g. --set task.goal_radius=0.5 (repeatable).",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+def parse_changes(changes: tuple[str, ...]) -> dict[str, Any]:
+    """Turn ``a.b=value`` texts into nested mappings.
+
+    Raises:
+        InputError: a text has no ``=``, or its value is no YAML.
+    """
+    import yaml
+
+    from pm01_nav.config import merge
+    from pm01_nav.errors import InputError
+
+    merged: dict[str, Any] = {}
+    for text in changes:
+        key, separator, value = text.partition("=")
+        if not separator or not key:
+            raise InputError(f"--set {text}: must look like task.goal_radius=0.5")
+        try:
+            tree: Any = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise InputError(f"--set {text}: the value is not valid YAML") from error
+        for part in reversed(key.split(".")):
+            tree = {part: tree}
+        merged = merge(merged, tree)
+    return merged
+
+
+def task_from_options(
+    base: TaskConfig | None,
+    task: str | None,
+    map_: str | None,
+    worlds: str | None,
+    robot: str | None,
+    config_file: str | None,
+    changes: tuple[str, ...],
+) -> TaskConfig:
+    """Return the task that the options describe: name or ``base``, then file, then flags.
+
+    Raises:
+        InputError: something is unknown or not allowed, or no task was named.
+    """
+    from pm01_nav.config import merge, read_yaml, validate
+    from pm01_nav.errors import InputError
+    from pm01_nav.task.config import TaskConfig
+    from pm01_nav.task.tasks import TASKS, task_config
+
+    from_file = read_yaml(config_file) if config_file else {}
+    settings = merge(from_file, parse_changes(changes))
+    _only_sections(settings, config_file or "--set")
+    named = settings.get("task") or {}
+    name = task or (base.name if base else None) or named.get("name")
+    if name is None:
+        raise InputError(f"task: give --task; one of {', '.join(sorted(TASKS))}")
+    start = base if base is not None and base.name == name else task_config(name)
+    data = merge(start.model_dump(), {} if task and named.get("name", task) != task else named)
+    for key, value in (("map", map_), ("worlds", worlds), ("robot", robot)):
+        if value is not None:
+            data[key] = value
+    return validate(TaskConfig, data, config_file or f"task {name}")
+
+
+def _only_sections(settings: dict[str, Any], source: str) -> None:
+    from pm01_nav.errors import InputError
+
+    for key, value in settings.items():
+        if key not in ("task", "train"):
+            raise InputError(f"{source}: {key}: unknown key; allowed here: task, train")
+        if not isinstance(value, dict):
+            raise InputError(f"{source}: {key} = {value!r}: must be a mapping (key: value)")

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``pm01 replay``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from pm01_nav.cli.options import task_from_options, task_options
+
+
+@click.command("replay", short_help="Film a policy.")
+@click.argument("policy")
+@task_options
+@click.option("--episodes", type=click.IntRange(1), default=3, show_default=True)
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
+@click.option("-o", "--output", required=True, metavar="FILE", help="An .mp4 or .gif to write.")
+@click.option("--speed", type=click.FloatRange(0.1), default=2.0, show_default=True)
+def command(
+    policy: str, episodes: int, seed: int, output: str, speed: float, **options: Any
+) -> None:
+    """Film POLICY driving: a policy.onnx, a run's folder, or a planner's name.
+
+    The episodes are the first ones of `pm01 evaluate` with the same task and seed.
+    """
+    from pathlib import Path
+
+    from pm01_nav.benchmark.policies import load_policy, trained_task
+    from pm01_nav.benchmark.replay import film
+    from pm01_nav.rendering.video import write_video
+
+    task = task_from_options(trained_task(policy), **options)
+    driver = load_policy(policy, task.robot_spec(), task.control_dt)
+    frames = film(driver, task, episodes, seed, Path(policy).name)
+    write_video(frames, output, fps=speed / task.control_dt)
+    click.echo(f"wrote {output}")

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``pm01 train``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pm01_nav.cli import STARTED_AT
+from pm01_nav.cli.options import parse_changes, task_from_options, task_options
+
+if TYPE_CHECKING:
+    from pm01_nav.train.config import RunConfig
+
+DEFAULT_TIME_BUDGET = 60.0
+
+
+@click.command("train", short_help="Train a policy.")
+@task_options
+@click.option("--algo", metavar="NAME", help="The algorithm: ppo.")
+@click.option("--seed", type=int, metavar="N", help="Seed of everything random. [default: 0]")
+@click.option(
+    "--time-budget",
+    type=float,
+    metavar="SECONDS",
+    help="Stop after so many seconds, start-up included. [default: 60, unless --steps]",
+)
+@click.option("--steps", type=int, metavar="N", help="Stop after so many environment steps.")
+@click.option("--out", metavar="DIR", help="Folder of the run; must be new or empty.")
+@click.option("--force", is_flag=True, help="Replace a run that is already in --out.")
+@click.option("--resume", metavar="DIR", help="Go on with a run as if it had never stopped.")
+def command(**options: Any) -> None:
+    r"""Train a policy and export it as policy.onnx.
+
+    The folder of the run holds config.yaml (the effective configuration), last.pt and best.pt
+    (checkpoints), history.json, tensorboard/ and policy.onnx. Ctrl-C saves and leaves; --resume
+    goes on from there. With --steps the same seed gives the same learning curve; a --time-budget
+    ends wherever this machine has come to.
+
+    \b
+    Examples:
+      pm01 train --task static --time-budget 60 --out runs/x
+      pm01 train --task barn_like --steps 20000000 --out runs/barn
+      pm01 train --config my.yaml --set train.ppo.gamma=0.97 --out runs/y
+      pm01 train --resume runs/x --time-budget 120
+    """
+    from pm01_nav.errors import InputError
+
+    resume, out = options.pop("resume"), options.pop("out")
+    if resume:
+        folder, config = _resumed(resume, out, options)
+    else:
+        if not out:
+            raise InputError("out: give --out DIR, the folder of the run")
+        folder, config = _fresh(out, options)
+    run_training(config, folder, resume=bool(resume))
+
+
+def run_training(config: RunConfig, folder: Any, *, resume: bool = False) -> Any:
+    """Train with a progress display; say what came of it."""
+    from pm01_nav.cli.display import TrainingDisplay
+    from pm01_nav.train.trainer import train
+
+    with TrainingDisplay() as display:
+        result = train(config, folder, display, started_at=STARTED_AT, resume=resume)
+    ended = "interrupted" if result.interrupted else "done"
+    click.echo(f"{ended}: {result.steps:,} steps in {result.seconds:.0f} s")
+    if result.best_steps:
+        rate = 100.0 * result.best_success_rate
+        click.echo(f"best: {rate:.1f} % success on held-out worlds, at {result.best_steps:,} steps")
+    click.echo(f"wrote {folder.policy}")
+    if result.interrupted:
+        click.echo(f"go on with: pm01 train --resume {folder.path}")
+    return result
+
+
+def run_config(task: Any, train_settings: dict[str, Any], source: str) -> RunConfig:
+    """Return a run's whole configuration; without any end it gets the default time budget.
+
+    Raises:
+        InputError: a key is unknown or a value not allowed.
+    """
+    from pm01_nav.config import validate
+    from pm01_nav.train.config import RunConfig
+
+    settings = dict(train_settings)
+    if settings.get("steps") is None and settings.get("time_budget") is None:
+        settings["time_budget"] = DEFAULT_TIME_BUDGET
+    return validate(RunConfig, {"task": task.model_dump(), "train": settings}, source)
+
+
+def _fresh(out: str, options: dict[str, Any]) -> tuple[Any, RunConfig]:
+    from pm01_nav.config import merge, read_yaml
+    from pm01_nav.train.run_folder import RunFolder
+
+    force = options.pop("force")
+    flags = {k: options.pop(k) for k in ("algo", "seed", "time_budget", "steps")}
+    task = task_from_options(None, **options)
+    from_file = read_yaml(options["config_file"]) if options["config_file"] else {}
+    settings = merge(from_file, parse_changes(options["changes"])).get("train") or {}
+    settings = merge(settings, {k: v for k, v in flags.items() if v is not None})
+    config = run_config(task, settings, options["config_file"] or "train")
+    folder = RunFolder(out)
+    folder.create(config, force=force)
+    return folder, config
+
+
+def _resumed(resume: str, out: str | None, options: dict[str, Any]) -> tuple[Any, RunConfig]:
+    from pm01_nav.config import merge, to_yaml, write_atomically
+    from pm01_nav.errors import InputError
+    from pm01_nav.train.run_folder import RunFolder
+
+    if out or options.pop("force"):
+        raise InputError("--resume goes on in its own folder; leave --out and --force away")
+    folder = RunFolder(resume)
+    stored = folder.load_config()
+    flags = {k: options.pop(k) for k in ("algo", "seed", "time_budget", "steps")}
+    if flags["seed"] not in (None, stored.train.seed):
+        raise InputError(f"seed: {resume} was made with seed {stored.train.seed}; it stays so")
+    named, task = options["task"], task_from_options(stored.task, **options)
+    if (named and named != stored.task.name) or task != stored.task:
+        raise InputError(
+            f"--resume {resume}: was made with another task ({stored.task.name}, see its "
+            "config.yaml); leave the task's options away"
+        )
+    settings = stored.train.model_dump()
+    if flags["steps"] or flags["time_budget"]:
+        settings |= {"steps": flags["steps"], "time_budget": flags["time_budget"]}
+    settings = merge(settings, parse_changes(options["changes"]).get("train") or {})
+    config = run_config(stored.task, settings, f"--resume {resume}")
+    write_atomically(folder.config, to_yaml(config.model_dump(mode="json")))
+    return folder, config

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compile numerical functions with numba and keep the result between runs."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache, partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numba
+from numba.core import config as numba_config
+
+
+def cache_folder() -> Path:
+    """Return the folder for things worth keeping between runs (``$PM01_CACHE`` overrides)."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(os.environ.get("PM01_CACHE") or Path(base) / "pm01_nav")
+
+
+@cache
+def _kernel_cache() -> str:
+    """Return a folder whose name changes whenever any compiled source changes.
+
+    Numba looks only at the file of the outermost function, so a kernel would otherwise go on
+    using an older version of a function that it calls from another file.
+    """
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for source in sorted([*package.glob("sim/*.py"), *package.glob("worlds/*.py")]):
+        digest.update(source.read_bytes())
+    return str(cache_folder() / "kernels" / digest.hexdigest()[:16])
+
+
+def compiled(
+    function: Callable[..., Any] | None = None,
+    *,
+    parallel: bool = False,
+    inline: bool = True,
+) -> Any:
+    """Compile a function on its first call.
+
+    ``parallel`` spreads its ``prange`` over threads. ``inline=False`` keeps rarely needed code
+    out of its callers, where it would cost registers (measured: a third of the time of a step).
+    """
+    if function is None:
+        return partial(compiled, parallel=parallel, inline=inline)
+    options = {
+        "cache": True,
+        "error_model": "numpy",
+        "parallel": parallel,
+        "forceinline": inline and not parallel,
+    }
+    # The setting is read here and now; other users of numba in this process keep theirs.
+    with patched(numba_config, "CACHE_DIR", _kernel_cache()):
+        return numba.njit(**options)(function)
+
+
+@contextmanager
+def patched(module: ModuleType, name: str, value: object) -> Iterator[None]:
+    """Set an attribute of a module for a while."""
+    before = getattr(module, name)
+    setattr(module, name, value)
+    try:
+        yield
+    finally:
+        setattr(module, name, before)

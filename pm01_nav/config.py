@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Read YAML safely and check it against a typed model."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from pm01_nav.errors import InputError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class FrozenModel(BaseModel):
+    """Base of every configuration: immutable, no unknown keys, no NaN or infinity."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True
+    )
+
+
+def read_yaml(path: str | Path) -> dict[str, Any]:
+    """Read a YAML mapping with the safe loader.
+
+    Raises:
+        InputError: the file cannot be read, is no YAML, or holds no mapping.
+    """
+    try:
+        data = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    # Beside its own errors PyYAML lets through those of an impossible date and of deep nesting.
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"{path}: is not valid YAML: {reason}") from error
+    if not isinstance(data, dict):
+        raise InputError(f"{path}: must be a YAML mapping (key: value), not {type(data).__name__}")
+    return data
+
+
+def write_atomically(path: str | Path, content: str | bytes) -> None:
+    """Write a file under a temporary name and rename it, so that no reader sees half of it."""
+    path = Path(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    if isinstance(content, str):
+        content = content.encode("utf-8")
+    temporary.write_bytes(content)
+    temporary.replace(path)
+
+
+def to_yaml(data: Mapping[str, Any]) -> str:
+    """Format plain data as YAML, keys in the given order."""
+    return yaml.safe_dump(dict(data), sort_keys=False, allow_unicode=True)
+
+
+def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
+    """Build ``model`` from plain data.
+
+    Raises:
+        InputError: one line that names the source, the key, the value and what is allowed.
+    """
+    try:
+        return model.model_validate(dict(data))
+    except ValidationError as error:
+        raise InputError(f"{source}: {_first_problem(model, error)}") from error
+
+
+def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Lay ``changes`` over ``base``, mapping by mapping; neither argument is altered."""
+    merged = dict(base)
+    for key, value in changes.items():
+        if isinstance(value, Mapping) and isinstance(merged.get(key), Mapping):
+            merged[key] = merge(merged[key], value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _first_problem(model: type[BaseModel], error: ValidationError) -> str:
+    """Say in one line what is wrong with the first value that failed."""
+    problem = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in problem["loc"]) or "the whole"
+    message = problem["msg"].removeprefix("Value error, ")
+    if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        return f"{key}: unknown key; allowed here: {', '.join(_siblings(model, problem['loc']))}"
+    if problem["type"] == "missing":
+        return f"{key}: is missing"
+    others = error.error_count() - 1
+    more = f" (and {others} more)" if others else ""
+    return f"{key} = {problem['input']!r}: {message[:1].lower()}{message[1:]}{more}"
+
+
+def _siblings(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
+    """Name the keys that are allowed beside the one at ``location``."""
+    for part in location[:-1]:
+        field = model.model_fields.get(str(part))
+        inner = field.annotation if field else None
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            model = inner
+    return list(model.model_fields)

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The batch as a native Stable-Baselines3 ``VecEnv``: no copies, no processes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+
+from pm01_nav.envs.spaces import action_space, observation_space
+from pm01_nav.task.navigation import Episodes, NavigationBatch
+
+
+class NavVecEnv(VecEnv):
+    """A ``NavigationBatch`` as SB3's algorithms expect it.
+
+    At the end of an episode ``infos[i]`` holds ``terminal_observation``,
+    ``TimeLimit.truncated``, ``is_success`` and ``episode`` (return, length).
+    """
+
+    render_mode = None
+
+    def __init__(self, batch: NavigationBatch, *, seed: int = 0, reward_scale: float = 1.0) -> None:
+        """Wrap ``batch``; rewards are multiplied by ``reward_scale`` (episode returns are not)."""
+        self.batch = batch
+        self.reward_scale = reward_scale
+        self.last_episodes: Episodes | None = None
+        self._actions = np.zeros((batch.num_envs, 2))
+        self._next_seeds: NDArray[np.int64] | None = None
+        self.seed(seed)
+        super().__init__(batch.num_envs, observation_space(batch.layout), action_space())
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Give environment i the seed ``seed + i`` from the next reset on."""
+        if seed is None:
+            seed = int(np.random.default_rng().integers(2**31))
+        num_envs = self.batch.num_envs
+        self._next_seeds = seed + np.arange(num_envs)
+        return [int(s) for s in self._next_seeds]
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start new episodes everywhere; return observations (num_envs, size)."""
+        seeds, self._next_seeds = self._next_seeds, None
+        return self.batch.reset(seeds)
+
+    def step_async(self, actions: NDArray[np.float32]) -> None:
+        """Take the actions (num_envs, 2) for the next ``step_wait``."""
+        self._actions = actions.astype(np.float64)
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Step; finished environments already hold their next episode's first observation."""
+        result = self.batch.step(self._actions)
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        self.last_episodes = result.episodes
+        if result.episodes is not None:
+            self._describe(result.episodes, result.truncated, infos)
+        rewards = (self.reward_scale * result.reward).astype(np.float32)
+        return result.observation, rewards, result.terminated | result.truncated, infos
+
+    def _describe(
+        self, episodes: Episodes, truncated: NDArray[np.bool_], infos: list[dict[str, Any]]
+    ) -> None:
+        for k, i in enumerate(episodes.indices):
+            infos[i]["terminal_observation"] = episodes.final_observation[k]
+            infos[i]["TimeLimit.truncated"] = bool(truncated[i])
+            infos[i]["is_success"] = bool(episodes.success[k])
+            infos[i]["episode"] = {
+                "r": float(episodes.returns[k]),
+                "l": int(episodes.steps[k]),
+                "t": 0.0,
+            }
+
+    def close(self) -> None:
+        """Release nothing: the batch holds arrays only."""
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """Return an attribute of this object, once for each environment asked for."""
+        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of this object; all environments share it."""
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call a method of this object once; return its result for each environment asked for."""
+        result = getattr(self, method_name)(*args, **kwargs)
+        return [result] * len(list(self._get_indices(indices)))
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
+        """Return False for each environment: a batch has no wrappers inside."""
+        return [False] * len(list(self._get_indices(indices)))

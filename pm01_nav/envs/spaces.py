@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Gymnasium spaces of a task, and the task an environment was asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+from gymnasium import spaces
+
+from pm01_nav.config import merge, validate
+from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.observation import ObservationLayout
+from pm01_nav.task.tasks import task_config
+
+
+def observation_space(layout: ObservationLayout) -> spaces.Box:
+    """Return the box of observations, shape (layout.size,), float32."""
+    low, high = layout.bounds
+    return spaces.Box(np.array(low, dtype=np.float32), np.array(high, dtype=np.float32))
+
+
+def action_space() -> spaces.Box:
+    """Return the box of actions: v and w, each from -1 (least) to 1 (greatest)."""
+    return spaces.Box(-1.0, 1.0, shape=(2,), dtype=np.float32)
+
+
+def resolve_task(task: str | TaskConfig, changes: dict[str, object]) -> TaskConfig:
+    """Return a task by name, or as it is given, with keyword changes laid over it.
+
+    Raises:
+        InputError: the task or a changed key is unknown, or a value is not allowed.
+    """
+    config = task_config(task) if isinstance(task, str) else task
+    if not changes:
+        return config
+    return validate(TaskConfig, merge(config.model_dump(), changes), f"task {config.name}")

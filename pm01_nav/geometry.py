@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Angles, frames and polygons: pure functions on arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def wrap_angle(angle: Array | float) -> Array:
+    """Return the same direction in [-pi, pi) [rad], any shape."""
+    return (np.asarray(angle) + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def to_frame(points: Array, pose: Array) -> Array:
+    """Express world points in the frame of ``pose``.
+
+    ``points`` (..., 2) [m] and ``pose`` (..., 3) [m, m, rad] broadcast; returns (..., 2) [m].
+    """
+    delta = np.asarray(points) - np.asarray(pose)[..., :2]
+    cos, sin = np.cos(np.asarray(pose)[..., 2]), np.sin(np.asarray(pose)[..., 2])
+    forward = cos * delta[..., 0] + sin * delta[..., 1]
+    left = -sin * delta[..., 0] + cos * delta[..., 1]
+    return np.stack([forward, left], axis=-1)
+
+
+def rectangle(x: float, y: float, length: float, width: float, yaw: float = 0.0) -> Array:
+    """Return the corners of a rectangle around (x, y), counter-clockwise, shape (4, 2) [m]."""
+    half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array([length, width]) / 2.0
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return half @ np.array([[cos, sin], [-sin, cos]]) + np.array([x, y])
+
+
+def polygon_edges(vertices: Array) -> Array:
+    """Return a polygon's edges as segments (x1, y1, x2, y2), shape (num_vertices, 4) [m]."""
+    return np.concatenate([vertices, np.roll(vertices, -1, axis=0)], axis=1)
+
+
+def is_convex_counter_clockwise(vertices: Array) -> bool:
+    """Tell whether ``vertices`` (n, 2) are a strictly convex polygon around the origin."""
+    if vertices.ndim != 2 or vertices.shape[0] < 3 or vertices.shape[1] != 2:
+        return False
+    edges = np.roll(vertices, -1, axis=0) - vertices
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    around_origin = vertices[:, 0] * edges[:, 1] - vertices[:, 1] * edges[:, 0]
+    # A star-shaped outline turns left everywhere too; only a convex one turns 360 deg in all.
+    headings = np.arctan2(edges[:, 1], edges[:, 0])
+    total = wrap_angle(np.roll(headings, -1) - headings).sum()
+    return bool((turns > 0).all() and (around_origin > 0).all() and abs(total - 2 * np.pi) < 1e-6)
+
+
+def points_in_polygon(points: Array, vertices: Array) -> NDArray[np.bool_]:
+    """Tell which ``points`` (n, 2) lie inside a simple polygon (k, 2), by counting crossings."""
+    x, y = points[:, 0], points[:, 1]
+    inside = np.zeros(len(points), dtype=bool)
+    for x1, y1, x2, y2 in polygon_edges(vertices):
+        if y1 == y2:
+            continue
+        crosses = (y1 > y) != (y2 > y)
+        inside ^= crosses & (x < x1 + (y - y1) * (x2 - x1) / (y2 - y1))
+    return inside

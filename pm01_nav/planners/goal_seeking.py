@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drive straight at the goal, blind to obstacles: the floor that any other policy must beat."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pm01_nav.robot import RobotSpec
+
+GAIN = 2.0
+"""Turn rate per radian of bearing [1/s]."""
+
+
+class GoalSeeking:
+    """Turn towards the goal, and drive the faster the better it lies ahead."""
+
+    def __init__(self, robot: RobotSpec) -> None:
+        """Keep the robot's limits."""
+        self._limits = robot.limits
+
+    def reset(self) -> None:
+        """Do nothing: there is no memory."""
+
+    def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> NDArray[np.float64]:
+        """Return (v, w) [m/s, rad/s]; see ``Policy.act``."""
+        goal = np.asarray(goal, dtype=np.float64)
+        bearing = np.arctan2(goal[..., 1], goal[..., 0])
+        limits = self._limits
+        linear = limits.linear_max * np.maximum(np.cos(bearing), 0.0)
+        angular = np.clip(GAIN * bearing, -limits.angular_max, limits.angular_max)
+        return np.stack([linear, angular], axis=-1)

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From raw sensor values to a command, by way of the observation contract and a network."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pm01_nav.errors import InputError
+from pm01_nav.task.observation import ObservationLayout, build_observation
+
+Network = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+"""Observations in physical units (n, size) -> commands (n, 2) [m/s, rad/s]."""
+
+
+class NetworkPolicy:
+    """A network behind the ``Policy`` protocol."""
+
+    def __init__(self, layout: ObservationLayout, network: Network) -> None:
+        """Show ``network`` what ``layout`` says."""
+        self.layout = layout
+        self._network = network
+        self._previous: NDArray[np.float64] | None = None
+
+    def reset(self) -> None:
+        """Forget the last action before a new episode."""
+        self._previous = None
+
+    def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> NDArray[np.float64]:
+        """Return the next command (v, w) [m/s, rad/s]; one robot, or a leading batch dimension.
+
+        ``scan`` (..., num_beams): raw ranges [m] by REP-117 (+inf no return, -inf too close, NaN
+        invalid). ``goal`` (..., 2): x forward and y left in base_link [m]. ``velocity`` (..., 2):
+        measured v and w [m/s, rad/s].
+
+        Raises:
+            InputError: a length is wrong, a range is negative, no range of a scan is valid, or
+                goal or velocity are not finite.
+        """
+        ranges = self._check_scan(np.asarray(scan, dtype=np.float32))
+        goal = _finite_pair(goal, "goal")
+        polar = np.stack(
+            [np.hypot(goal[..., 0], goal[..., 1]), np.arctan2(goal[..., 1], goal[..., 0])], axis=-1
+        )
+        velocity = _finite_pair(velocity, "velocity")
+        if self._previous is None or self._previous.shape != goal.shape:
+            self._previous = np.zeros_like(goal)
+        observation = build_observation(self.layout, ranges, polar, velocity, self._previous)
+        batch = observation.reshape(-1, self.layout.size)
+        command = self._network(batch).astype(np.float64).reshape(goal.shape)
+        self._previous = self.layout.limits.to_action(command)
+        return command
+
+    def _check_scan(self, scan: NDArray[np.float32]) -> NDArray[np.float32]:
+        expected = self.layout.scan
+        if scan.ndim == 0 or scan.shape[-1] != expected.num_beams:
+            raise InputError(
+                f"scan has shape {scan.shape}: this policy needs {expected.num_beams} ranges, from "
+                f"{expected.angle_min:.4f} rad in steps of {expected.angle_increment:.5f} rad"
+            )
+        negative = np.isfinite(scan) & (scan < 0.0)
+        if negative.any():
+            at = tuple(int(i) for i in np.argwhere(negative)[0])
+            raise InputError(f"scan[{at[-1]}] = {scan[at]:g}: a range must not be negative")
+        if np.isnan(scan).all(axis=-1).any():
+            raise InputError("scan: every range is NaN; at least one must be valid")
+        return scan
+
+
+def _finite_pair(value: ArrayLike, name: str) -> NDArray[np.float64]:
+    pair = np.asarray(value, dtype=np.float64)
+    if pair.ndim == 0 or pair.shape[-1] != 2 or not np.isfinite(pair).all():
+        raise InputError(f"{name} = {value!r}: must be two finite numbers")
+    return pair

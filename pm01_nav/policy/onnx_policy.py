@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Run an exported policy; needs numpy and onnxruntime alone."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pm01_nav.errors import InputError
+from pm01_nav.policy.network_policy import NetworkPolicy
+from pm01_nav.task.observation import ObservationLayout
+
+if TYPE_CHECKING:
+    from pm01_nav.robot import RobotSpec
+
+METADATA_KEY = "pm01_nav"
+FORMAT = 1
+"""Version of the metadata's layout."""
+
+
+class OnnxPolicy(NetworkPolicy):
+    """A policy file that explains itself: it knows its sensors, its limits and its origin."""
+
+    def __init__(self, path: str | Path, robot: RobotSpec | None = None) -> None:
+        """Load ``policy.onnx``; with ``robot``, make sure that the two fit each other.
+
+        Raises:
+            InputError: the file is no policy of ours, or its lidar or limits are not the robot's.
+        """
+        self.path = Path(path)
+        session, self.metadata = _open(self.path)
+        try:
+            layout = ObservationLayout.from_dict(self.metadata["observation"])
+            self.control_dt = float(self.metadata["control_dt"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{path}: unusable metadata: {error}") from error
+        super().__init__(layout, lambda batch: session.run(None, {"observation": batch})[0])
+        if robot is not None:
+            self._check_robot(robot)
+
+    def _check_robot(self, robot: RobotSpec) -> None:
+        lidar, limits, mine = robot.lidar, robot.limits, self.layout
+        pairs = [
+            ("lidar.num_beams", mine.scan.num_beams, lidar.num_beams),
+            ("lidar.angle_min", mine.scan.angle_min, lidar.angle_min),
+            ("lidar.angle_increment", mine.scan.angle_increment, lidar.angle_increment),
+            ("lidar.x", self.metadata.get("lidar_mount", [0.0] * 3)[0], lidar.x),
+            ("limits.linear_min", mine.limits.linear_min, limits.linear_min),
+            ("limits.linear_max", mine.limits.linear_max, limits.linear_max),
+            ("limits.angular_max", mine.limits.angular_max, limits.angular_max),
+        ]
+        for key, of_policy, of_robot in pairs:
+            if abs(of_policy - of_robot) > 1e-4:
+                raise InputError(
+                    f"{self.path}: does not fit robot {robot.name}: {key} is {of_robot:g}, "
+                    f"but the policy was trained with {of_policy:g} "
+                    f"(robot {self.metadata.get('robot', 'unknown')})"
+                )
+
+
+def _open(path: Path) -> tuple[Any, dict[str, Any]]:
+    """Return an inference session and the file's metadata."""
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise InputError("onnxruntime is missing: pip install 'pm01-nav[deploy]'") from error
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    options.log_severity_level = 3
+    try:
+        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's exceptions have no common base but this
+        reason = " ".join(str(error).split())[:120]
+        raise InputError(f"{path}: is not a readable ONNX file: {reason}") from error
+    text = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
+    if text is None:
+        raise InputError(f"{path}: has no pm01_nav metadata; make policy files with `pm01 export`")
+    try:
+        metadata = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"{path}: its pm01_nav metadata is not valid JSON") from error
+    if metadata.get("format") != FORMAT:
+        found = metadata.get("format")
+        raise InputError(f"{path}: metadata format is {found!r}, this version reads {FORMAT}")
+    return session, metadata

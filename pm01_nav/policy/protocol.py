@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What learned policies and classical planners have in common."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+class Policy(Protocol):
+    """Drive one robot, or many at once when every argument has a leading batch dimension."""
+
+    def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> NDArray[np.float64]:
+        """Return the next command (..., 2): v and w [m/s, rad/s].
+
+        ``scan`` (..., num_beams): ranges as the lidar gives them [m]. ``goal`` (..., 2): x forward
+        and y left in base_link [m]. ``velocity`` (..., 2): measured v and w [m/s, rad/s].
+        """
+        ...
+
+    def reset(self) -> None:
+        """Forget the past before a new episode."""
+        ...

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a robot is: its footprint, wheels, limits and lidar. A new robot is one YAML file."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from pm01_nav.config import FrozenModel, read_yaml, validate
+from pm01_nav.errors import InputError
+from pm01_nav.geometry import is_convex_counter_clockwise
+
+Positive = Annotated[float, Field(gt=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]
+
+
+class Footprint(FrozenModel):
+    """The robot's outline on the floor, in ``base_link`` [m]: a circle or a convex polygon."""
+
+    shape: Literal["circle", "polygon"]
+    radius: Annotated[float, Field(ge=0.0)] = 0.0
+    """Radius of the circle [m]; not used for a polygon."""
+    vertices: tuple[tuple[float, float], ...] = ()
+    """Corners of the polygon (x, y) [m], convex, counter-clockwise, around the origin."""
+
+    @model_validator(mode="after")
+    def _has_an_area(self) -> Footprint:
+        if self.shape == "circle":
+            if self.radius <= 0.0 or self.vertices:
+                raise ValueError("a circle needs radius > 0 and no vertices")
+        elif not is_convex_counter_clockwise(np.array(self.vertices, dtype=float)):
+            raise ValueError(
+                "a polygon needs at least 3 vertices, convex, counter-clockwise, "
+                "with the origin inside"
+            )
+        return self
+
+    @property
+    def circumscribed_radius(self) -> float:
+        """Distance from ``base_link`` to the farthest point of the outline [m]."""
+        if self.shape == "circle":
+            return self.radius
+        return float(np.linalg.norm(np.array(self.vertices), axis=1).max())
+
+    @property
+    def inscribed_radius(self) -> float:
+        """Distance from ``base_link`` to the nearest point of the outline [m]."""
+        if self.shape == "circle":
+            return self.radius
+        corners = np.array(self.vertices)
+        edges = np.roll(corners, -1, axis=0) - corners
+        cross = corners[:, 0] * edges[:, 1] - corners[:, 1] * edges[:, 0]
+        return float((cross / np.linalg.norm(edges, axis=1)).min())
+
+
+class Wheels(FrozenModel):
+    """The driven wheels."""
+
+    radius: Positive
+    """[m]"""
+    separation: Positive
+    """Between the two wheels' contact points [m]."""
+
+
+class Limits(FrozenModel):
+    """What the base can do; the simulator enforces it and a policy's commands stay within."""
+
+    linear_min: Annotated[float, Field(le=0.0)]
+    """Fastest speed backwards [m/s], zero or negative."""
+    linear_max: Positive
+    """Fastest speed forwards [m/s]."""
+    angular_max: Positive
+    """Fastest turn to either side [rad/s]."""
+    linear_acceleration: Positive
+    """[m/s^2]"""
+    angular_acceleration: Positive
+    """[rad/s^2]"""
+
+
+class Actuator(FrozenModel):
+    """How the base answers a command."""
+
+    lag_s: NonNegative = 0.0
+    """Time constant of the first-order answer [s]; 0 answers at once, within the limits."""
+
+
+class Lidar(FrozenModel):
+    """A planar laser scanner, described as in ``sensor_msgs/LaserScan``."""
+
+    num_beams: Annotated[int, Field(ge=1, le=16384)]
+    angle_min: Angle
+    """Direction of beam 0 in the lidar frame [rad], counter-clockwise from x."""
+    angle_max: Angle
+    """Direction of the last beam [rad]; a full circle does not repeat beam 0."""
+    range_min: NonNegative
+    """Returns nearer than this read -inf (REP-117) [m]."""
+    range_max: Positive
+    """Beyond this there is no return and the beam reads +inf [m]."""
+    x: float = 0.0
+    """Mounting position in ``base_link`` [m]."""
+    y: float = 0.0
+    yaw: Angle = 0.0
+    """Mounting direction in ``base_link`` [rad]."""
+    noise_std: NonNegative = 0.0
+    """Standard deviation of a Gaussian error added to each return [m]."""
+
+    @model_validator(mode="after")
+    def _is_ordered(self) -> Lidar:
+        if self.range_min >= self.range_max:
+            raise ValueError(f"range_min must be below range_max ({self.range_max})")
+        if self.num_beams > 1 and self.angle_max <= self.angle_min:
+            raise ValueError(f"angle_max must be above angle_min ({self.angle_min})")
+        if self.angle_max - self.angle_min > 2.0 * np.pi + 1e-6:
+            raise ValueError("angle_max - angle_min must not exceed a full circle")
+        return self
+
+    @property
+    def angle_increment(self) -> float:
+        """Angle from one beam to the next [rad]."""
+        return (self.angle_max - self.angle_min) / max(self.num_beams - 1, 1)
+
+    @property
+    def angles(self) -> np.ndarray:
+        """Directions of the beams in the lidar frame [rad], shape (num_beams,)."""
+        return self.angle_min + self.angle_increment * np.arange(self.num_beams)
+
+
+class RobotSpec(FrozenModel):
+    """A differential-drive robot with one 2D lidar; each number's source stands in its file."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    description: str = ""
+    footprint: Footprint
+    wheels: Wheels
+    limits: Limits
+    actuator: Actuator = Actuator()
+    lidar: Lidar
+
+
+def full_circle(num_beams: int) -> dict[str, float | int]:
+    """Return lidar settings for beams spread evenly over 360 degrees, the first one behind."""
+    increment = 2.0 * np.pi / num_beams
+    return {
+        "num_beams": num_beams,
+        "angle_min": -float(np.pi),
+        "angle_max": float(np.pi - increment),
+    }
+
+
+def robot_names() -> list[str]:
+    """Name the robots that come with the package."""
+    folder = resources.files("pm01_nav") / "robots"
+    files = [f.name for f in folder.iterdir() if f.name.endswith(".yaml")]
+    return sorted(name.removesuffix(".yaml") for name in files)
+
+
+def load_robot(name_or_path: str | Path) -> RobotSpec:
+    """Load a robot that comes with the package, by name, or one's own, by the path of its YAML.
+
+    Raises:
+        InputError: no such robot, or the file does not describe one.
+    """
+    text = str(name_or_path)
+    if text in robot_names():
+        with resources.as_file(resources.files("pm01_nav") / "robots" / f"{text}.yaml") as path:
+            return validate(RobotSpec, read_yaml(path), path.name)
+    if text.endswith((".yaml", ".yml")):
+        return validate(RobotSpec, read_yaml(text), text)
+    names = ", ".join(robot_names())
+    raise InputError(f"robot = {text!r}: unknown; allowed: {names}, or the path of a .yaml file")

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Distance from the robot's footprint to what stands around it.
+
+A circle measures from its centre. A convex polygon is handled in its own frame. Obstacles whose
+bounding distance exceeds the best found so far are passed over.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pm01_nav.compilation import compiled
+
+GRID_EXACT_DISTANCE = 0.5
+"""Up to this clearance [m] the distance to a grid is exact, beyond it to a cell's diagonal."""
+
+
+@compiled
+def point_to_segment(px, py, x1, y1, x2, y2):
+    """Return the distance from a point to a segment [m]."""
+    ex, ey = x2 - x1, y2 - y1
+    along = ((px - x1) * ex + (py - y1) * ey) / max(ex * ex + ey * ey, 1e-18)
+    along = min(max(along, 0.0), 1.0)
+    dx, dy = px - x1 - along * ex, py - y1 - along * ey
+    return np.sqrt(dx * dx + dy * dy)
+
+
+@compiled(inline=False)
+def point_to_polygon(px, py, base):
+    """Return the signed distance from a point to the footprint, negative inside [m]."""
+    inside = -1e18
+    count = base.edges.shape[0]
+    for k in range(count):
+        inside = max(inside, base.edges[k, 0] * px + base.edges[k, 1] * py - base.edges[k, 2])
+    if inside <= 0.0:
+        return inside
+    nearest = 1e18
+    for k in range(count):
+        j = k + 1 if k + 1 < count else 0
+        nearest = min(
+            nearest,
+            point_to_segment(
+                px,
+                py,
+                base.vertices[k, 0],
+                base.vertices[k, 1],
+                base.vertices[j, 0],
+                base.vertices[j, 1],
+            ),
+        )
+    return nearest
+
+
+@compiled(inline=False)
+def segment_to_polygon(x1, y1, x2, y2, base):
+    """Return the distance from a segment to the footprint, 0 where they meet [m]."""
+    nearest = max(min(point_to_polygon(x1, y1, base), point_to_polygon(x2, y2, base)), 0.0)
+    if nearest == 0.0:
+        return 0.0
+    # Clip the segment by the footprint's sides: what is left lies inside.
+    enter, leave = 0.0, 1.0
+    for k in range(base.edges.shape[0]):
+        nx, ny, offset = base.edges[k, 0], base.edges[k, 1], base.edges[k, 2]
+        first, last = nx * x1 + ny * y1 - offset, nx * x2 + ny * y2 - offset
+        if first > 0.0 and last > 0.0:
+            leave = -1.0
+        elif first > 0.0:
+            enter = max(enter, first / (first - last))
+        elif last > 0.0:
+            leave = min(leave, first / (first - last))
+    if enter <= leave:
+        return 0.0
+    for k in range(base.vertices.shape[0]):
+        nearest = min(
+            nearest, point_to_segment(base.vertices[k, 0], base.vertices[k, 1], x1, y1, x2, y2)
+        )
+    return nearest
+
+
+@compiled
+def clearance(x, y, cos, sin, base, worlds, w):
+    """Return the distance from the footprint to the nearest obstacle of world w [m].
+
+    ``cos``, ``sin``: the pose's heading. Zero or negative in contact; 1e9 where there is no obstacle at all.
+    """
+    best = 1e9
+    circle = base.vertices.shape[0] == 0
+    for k in range(worlds.disc_begin[w], worlds.disc_begin[w + 1]):
+        dx, dy, r = worlds.discs[k, 0] - x, worlds.discs[k, 1] - y, worlds.discs[k, 2]
+        reach = best + base.radius + r
+        squared = dx * dx + dy * dy
+        if squared >= reach * reach:
+            continue
+        if circle:
+            best = np.sqrt(squared) - base.radius - r
+        else:
+            best = min(best, point_to_polygon(cos * dx + sin * dy, cos * dy - sin * dx, base) - r)
+    for k in range(worlds.segment_begin[w], worlds.segment_begin[w + 1]):
+        x1, y1 = worlds.segments[k, 0] - x, worlds.segments[k, 1] - y
+        x2, y2 = worlds.segments[k, 2] - x, worlds.segments[k, 3] - y
+        distance = point_to_segment(0.0, 0.0, x1, y1, x2, y2) - base.radius
+        if distance >= best:
+            continue
+        if circle:
+            best = distance
+        else:
+            best = min(
+                best,
+                segment_to_polygon(
+                    cos * x1 + sin * y1,
+                    cos * y1 - sin * x1,
+                    cos * x2 + sin * y2,
+                    cos * y2 - sin * x2,
+                    base,
+                ),
+            )
+    if worlds.grid_begin[w + 1] > worlds.grid_begin[w]:
+        best = min(best, grid_clearance(x, y, cos, sin, base, worlds, w))
+    return best
+
+
+@compiled(inline=False)
+def grid_clearance(x, y, cos, sin, base, worlds, w):
+    """Return the distance from the footprint to the nearest solid cell [m]."""
+    offset = worlds.grid_begin[w]
+    x_min, y_min, size = worlds.grid_frame[w, 0], worlds.grid_frame[w, 1], worlds.grid_frame[w, 2]
+    width, height = int(worlds.grid_frame[w, 3]), int(worlds.grid_frame[w, 4])
+    column = min(max(int(np.floor((x - x_min) / size)), 0), width - 1)
+    row = min(max(int(np.floor((y - y_min) / size)), 0), height - 1)
+    far = (worlds.grid_distance[offset + row * width + column] - 1.5) * size - base.radius
+    if far > GRID_EXACT_DISTANCE:
+        return far
+    best = GRID_EXACT_DISTANCE
+    reach = int(np.ceil((base.radius + GRID_EXACT_DISTANCE) / size)) + 1
+    for r in range(max(row - reach, 0), min(row + reach + 1, height)):
+        for c in range(max(column - reach, 0), min(column + reach + 1, width)):
+            if worlds.grid_cells[offset + r * width + c] != 0:
+                left, low = x_min + c * size - x, y_min + r * size - y
+                best = min(best, cell_clearance(left, low, size, cos, sin, base, best))
+    return best
+
+
+@compiled(inline=False)
+def cell_clearance(left, low, size, cos, sin, base, best):
+    """Return the distance to one solid cell, its corner given relative to the robot [m]."""
+    dx = max(left, -(left + size), 0.0)
+    dy = max(low, -(low + size), 0.0)
+    distance = np.sqrt(dx * dx + dy * dy) - base.radius
+    if base.vertices.shape[0] == 0 or distance >= best:
+        return distance
+    nearest = best
+    for side in range(4):
+        x1 = left + (size if side == 1 or side == 2 else 0.0)
+        y1 = low + (size if side >= 2 else 0.0)
+        x2 = left + (size if side <= 1 else 0.0)
+        y2 = low + (size if side == 1 or side == 2 else 0.0)
+        nearest = min(
+            nearest,
+            segment_to_polygon(
+                cos * x1 + sin * y1,
+                cos * y1 - sin * x1,
+                cos * x2 + sin * y2,
+                cos * y2 - sin * x2,
+                base,
+            ),
+        )
+    return nearest

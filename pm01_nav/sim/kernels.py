@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Step and reset the whole batch: one parallel loop over environments."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import prange
+
+from pm01_nav.compilation import compiled
+from pm01_nav.sim.collision import clearance
+from pm01_nav.sim.dynamics import arc, clip, next_speed, wrap
+from pm01_nav.sim.lidar import cast_scan, measure
+from pm01_nav.sim.random import uniform
+
+GOAL_DRAWS = 64
+"""Draws of a goal at an allowed distance before the last one is taken as it is."""
+
+
+@compiled(parallel=True)
+def step_batch(state, command, base, lidar, worlds, time):
+    """Apply one command (num_envs, 2) [m/s, rad/s] to every environment for a control step."""
+    for i in prange(state.pose.shape[0]):
+        move(state, i, command, base, worlds, time)
+        observe(state, i, base, lidar, worlds)
+
+
+@compiled(parallel=True)
+def reset_batch(state, indices, base, lidar, worlds, goal_distance):
+    """Start a new episode in the environments ``indices`` (n,).
+
+    ``goal_distance`` (2,): least and greatest distance from the start to the goal [m].
+    """
+    for k in prange(indices.shape[0]):
+        i = indices[k]
+        place(state, i, worlds, goal_distance)
+        observe(state, i, base, lidar, worlds)
+
+
+@compiled(parallel=True)
+def observe_batch(state, indices, base, lidar, worlds):
+    """Bring scan, clearance and goal up to date after poses were set from outside."""
+    for k in prange(indices.shape[0]):
+        observe(state, indices[k], base, lidar, worlds)
+
+
+@compiled
+def move(state, i, command, base, worlds, time):
+    """Integrate one environment; an obstacle stops the robot where it last was free."""
+    linear = clip(command[i, 0], base.linear_min, base.linear_max)
+    angular = clip(command[i, 1], -base.angular_max, base.angular_max)
+    x, y, yaw = state.pose[i, 0], state.pose[i, 1], state.pose[i, 2]
+    v, w = state.twist[i, 0], state.twist[i, 1]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    # No point of the footprint can travel further than `slack` into an obstacle unseen.
+    slack = state.clearance[i]
+    state.contact[i] = False
+    for _ in range(time.substeps):
+        v_next = next_speed(v, linear, time.lag_keep, base.linear_acceleration * time.dt)
+        w_next = next_speed(w, angular, time.lag_keep, base.angular_acceleration * time.dt)
+        v_mean, w_mean = 0.5 * (v + v_next), 0.5 * (w + w_next)
+        x_next, y_next, cos_next, sin_next = arc(x, y, cos, sin, v_mean, w_mean, time.dt)
+        slack -= (abs(v_mean) + abs(w_mean) * base.radius) * time.dt
+        if slack <= 0.0:
+            slack = clearance(x_next, y_next, cos_next, sin_next, base, worlds, state.world[i])
+            if slack <= 0.0:
+                state.contact[i] = True
+                v, w = 0.0, 0.0
+                break
+        x, y, cos, sin, v, w = x_next, y_next, cos_next, sin_next, v_next, w_next
+        yaw += w_mean * time.dt
+    state.pose[i, 0], state.pose[i, 1], state.pose[i, 2] = x, y, wrap(yaw)
+    state.twist[i, 0], state.twist[i, 1] = v, w
+
+
+@compiled
+def observe(state, i, base, lidar, worlds):
+    """Measure scan, clearance and goal of one environment at its pose."""
+    x, y, yaw = state.pose[i, 0], state.pose[i, 1], state.pose[i, 2]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    state.clearance[i] = clearance(x, y, cos, sin, base, worlds, state.world[i])
+    cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], state.scan[i])
+    measure(lidar, state.scan[i], state.rng_key, state.rng_count, i)
+    dx, dy = state.goal[i, 0] - x, state.goal[i, 1] - y
+    state.goal_polar[i, 0] = np.sqrt(dx * dx + dy * dy)
+    state.goal_polar[i, 1] = np.arctan2(cos * dy - sin * dx, cos * dx + sin * dy)
+
+
+@compiled
+def place(state, i, worlds, goal_distance):
+    """Draw a world (unless one is fixed), a start, a goal and a heading; stand still there."""
+    key, count = state.rng_key, state.rng_count
+    w = state.world[i]
+    if w < 0:
+        w = np.searchsorted(worlds.cumulative_weight, uniform(key, count, i), side="right")
+        w = min(w, worlds.cumulative_weight.shape[0] - 1)
+        state.world[i] = w
+    start = draw_row(worlds.start_begin, w, uniform(key, count, i))
+    x = worlds.starts[start, 0] + worlds.jitter[w, 0] * (2.0 * uniform(key, count, i) - 1.0)
+    y = worlds.starts[start, 1] + worlds.jitter[w, 0] * (2.0 * uniform(key, count, i) - 1.0)
+    goal = worlds.goal_begin[w]
+    for _ in range(GOAL_DRAWS):
+        goal = draw_row(worlds.goal_begin, w, uniform(key, count, i))
+        dx, dy = worlds.goals[goal, 0] - x, worlds.goals[goal, 1] - y
+        distance = np.sqrt(dx * dx + dy * dy)
+        if goal_distance[0] <= distance <= goal_distance[1]:
+            break
+    jitter = worlds.jitter[w, 1]
+    state.goal[i, 0] = worlds.goals[goal, 0] + jitter * (2.0 * uniform(key, count, i) - 1.0)
+    state.goal[i, 1] = worlds.goals[goal, 1] + jitter * (2.0 * uniform(key, count, i) - 1.0)
+    yaw = np.pi * (2.0 * uniform(key, count, i) - 1.0)
+    if not np.isnan(worlds.start_yaw[w]):
+        yaw = wrap(worlds.start_yaw[w])
+    state.pose[i, 0], state.pose[i, 1], state.pose[i, 2] = x, y, yaw
+    state.twist[i, 0], state.twist[i, 1] = 0.0, 0.0
+    state.contact[i] = False
+
+
+@compiled
+def draw_row(begin, w, number):
+    """Return a row of world w, chosen by a number from U[0, 1)."""
+    return begin[w] + int(number * (begin[w + 1] - begin[w]))

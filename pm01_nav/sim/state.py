@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulator's arrays: one row an environment."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pm01_nav.robot import RobotSpec
+
+FloatArray = NDArray[np.float64]
+BLOCK = 8
+"""Beams that one vector instruction handles; rows of ranges are padded to whole blocks."""
+
+
+class SimState(NamedTuple):
+    """Everything that changes while the simulator runs; kernels write it in place."""
+
+    pose: FloatArray
+    """x, y, yaw in the world [m, m, rad], shape (num_envs, 3); yaw in [-pi, pi)."""
+    twist: FloatArray
+    """v, w in base_link [m/s, rad/s], shape (num_envs, 2)."""
+    goal: FloatArray
+    """x, y in the world [m], shape (num_envs, 2)."""
+    goal_polar: FloatArray
+    """Distance and bearing of the goal in base_link [m, rad], shape (num_envs, 2)."""
+    scan: NDArray[np.float32]
+    """Lidar ranges by REP-117 [m], shape (num_envs, num_beams padded to whole blocks)."""
+    clearance: FloatArray
+    """From the footprint to the nearest obstacle [m], 0 or below in contact, shape (num_envs,)."""
+    contact: NDArray[np.bool_]
+    """Whether the footprint was stopped by an obstacle in this step, shape (num_envs,)."""
+    world: NDArray[np.int64]
+    """Index of the world in the pool, shape (num_envs,)."""
+    rng_key: NDArray[np.uint64]
+    """Which random stream belongs to the environment, shape (num_envs,)."""
+    rng_count: NDArray[np.uint64]
+    """How many numbers have been drawn from it, shape (num_envs,)."""
+
+
+def padded(num_beams: int) -> int:
+    """Return the number of beams rounded up to whole blocks."""
+    return -(-num_beams // BLOCK) * BLOCK
+
+
+def new_state(num_envs: int, num_beams: int) -> SimState:
+    """Return a state of zeros."""
+    return SimState(
+        pose=np.zeros((num_envs, 3)),
+        twist=np.zeros((num_envs, 2)),
+        goal=np.zeros((num_envs, 2)),
+        goal_polar=np.zeros((num_envs, 2)),
+        scan=np.zeros((num_envs, padded(num_beams)), dtype=np.float32),
+        clearance=np.zeros(num_envs),
+        contact=np.zeros(num_envs, dtype=np.bool_),
+        world=np.zeros(num_envs, dtype=np.int64),
+        rng_key=np.zeros(num_envs, dtype=np.uint64),
+        rng_count=np.zeros(num_envs, dtype=np.uint64),
+    )
+
+
+class BaseParams(NamedTuple):
+    """The robot's base as the kernels read it; see ``RobotSpec`` for meanings and units."""
+
+    linear_min: float
+    linear_max: float
+    angular_max: float
+    linear_acceleration: float
+    angular_acceleration: float
+    radius: float
+    """Circumscribed radius of the footprint [m]."""
+    vertices: FloatArray
+    """Corners of a polygonal footprint [m], shape (n, 2); no rows for a circle."""
+    edges: FloatArray
+    """Outward unit normal and offset of each side: nx*x + ny*y <= d inside, shape (n, 3)."""
+
+
+class LidarParams(NamedTuple):
+    """The lidar as the kernels read it; see ``Lidar`` for meanings and units."""
+
+    cos: FloatArray
+    """Direction of each beam in the lidar frame, shape (num_beams padded to whole blocks,)."""
+    sin: FloatArray
+    num_beams: int
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    x: float
+    y: float
+    mount_cos: float
+    mount_sin: float
+    noise_std: float
+
+
+class TimeStep(NamedTuple):
+    """How a control step is divided."""
+
+    dt: float
+    """One integration step [s]."""
+    substeps: int
+    """Integration steps in a control step."""
+    lag_keep: float
+    """exp(-dt / lag): what a first-order lag leaves of an error after one integration step."""
+
+
+def base_params(robot: RobotSpec) -> BaseParams:
+    """Collect what the kernels need to know of the base."""
+    vertices = np.array(robot.footprint.vertices, dtype=np.float64).reshape(-1, 2)
+    along = np.roll(vertices, -1, axis=0) - vertices
+    length = np.maximum(np.linalg.norm(along, axis=1), 1e-12)
+    normals = np.stack([along[:, 1] / length, -along[:, 0] / length], axis=-1)
+    offsets = (normals * vertices).sum(axis=1)
+    limits = robot.limits
+    return BaseParams(
+        linear_min=limits.linear_min,
+        linear_max=limits.linear_max,
+        angular_max=limits.angular_max,
+        linear_acceleration=limits.linear_acceleration,
+        angular_acceleration=limits.angular_acceleration,
+        radius=robot.footprint.circumscribed_radius,
+        vertices=vertices,
+        edges=np.concatenate([normals, offsets[:, None]], axis=1),
+    )
+
+
+def lidar_params(robot: RobotSpec) -> LidarParams:
+    """Collect what the kernels need to know of the lidar."""
+    lidar = robot.lidar
+    angles = lidar.angle_min + lidar.angle_increment * np.arange(padded(lidar.num_beams))
+    return LidarParams(
+        cos=np.cos(angles),
+        sin=np.sin(angles),
+        num_beams=lidar.num_beams,
+        angle_min=lidar.angle_min,
+        angle_increment=lidar.angle_increment,
+        range_min=lidar.range_min,
+        range_max=lidar.range_max,
+        x=lidar.x,
+        y=lidar.y,
+        mount_cos=float(np.cos(lidar.yaw)),
+        mount_sin=float(np.sin(lidar.yaw)),
+        noise_std=lidar.noise_std,
+    )

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compile every kernel, so that no later command has to; ``python -m pm01_nav.sim.warm_up``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pm01_nav.robot import load_robot
+from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.worlds.free_space import shortest_path_length
+from pm01_nav.worlds.pool import build_pool
+from pm01_nav.worlds.world import World
+
+
+def warm_up() -> None:
+    """Run each kernel once on a tiny world; takes half a minute the first time, then no time."""
+    disc = np.array([[1.5, 1.5, 0.3]])
+    wall = np.array([[0.0, 0.0, 3.0, 0.0]])
+    world = World("warm_up", (0.0, 0.0, 3.0, 3.0), discs=disc, segments=wall)
+    pool = build_pool([world], radius=0.2)
+    simulator = PlanarSimulator(load_robot("pm01"), pool, num_envs=2)
+    simulator.seed([0, 1])
+    simulator.reset()
+    simulator.step(np.zeros((2, 2)))
+    everyone = np.arange(2)
+    simulator.place(everyone, simulator.state.pose.copy(), simulator.state.goal.copy())
+    shortest_path_length(pool.free_space(0), (0.3, 1.5), (2.7, 1.5))
+
+
+if __name__ == "__main__":
+    warm_up()

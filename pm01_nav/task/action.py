@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Actions in [-1, 1] and the velocity commands they stand for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class ActionLimits:
+    """What an action of -1 and of +1 means; zero lies halfway between."""
+
+    linear_min: float
+    """[m/s]"""
+    linear_max: float
+    """[m/s]"""
+    angular_max: float
+    """To either side [rad/s]."""
+
+    def to_command(self, action: Any) -> Any:
+        """Return (v, w) [m/s, rad/s] of actions (..., 2), which are clipped to [-1, 1] first."""
+        xp = action.__array_namespace__()
+        action = xp.clip(action, -1.0, 1.0)
+        half = 0.5 * (self.linear_max - self.linear_min)
+        linear = self.linear_min + half * (action[..., 0] + 1.0)
+        return xp.stack([linear, self.angular_max * action[..., 1]], axis=-1)
+
+    def to_action(self, command: Any) -> Any:
+        """Return the actions (..., 2) that stand for commands (..., 2) within the limits."""
+        xp = command.__array_namespace__()
+        half = 0.5 * (self.linear_max - self.linear_min)
+        linear = (command[..., 0] - self.linear_min) / half - 1.0
+        return xp.clip(xp.stack([linear, command[..., 1] / self.angular_max], axis=-1), -1.0, 1.0)

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Everything that defines a task, as one typed, immutable configuration."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from pm01_nav.config import FrozenModel, merge, validate
+from pm01_nav.robot import NonNegative, Positive, RobotSpec, load_robot
+from pm01_nav.task.action import ActionLimits
+from pm01_nav.task.observation import ObservationLayout, ScanGeometry
+from pm01_nav.task.rewards import REWARDS
+
+
+class ObservationConfig(FrozenModel):
+    """How observations are built; see ``ObservationLayout``."""
+
+    sectors: Annotated[int, Field(ge=0)] = 36
+    nearness_distance: NonNegative = 0.3
+    goal: Literal["polar", "polar_sin_cos"] = "polar_sin_cos"
+    previous_action: bool = True
+    goal_distance_max: Positive = 10.0
+    range_max: Positive | None = None
+    """Show ranges up to this only [m]; None shows the lidar's whole range."""
+    normalize: bool = True
+
+
+class RewardTerm(FrozenModel):
+    """One row of the reward table."""
+
+    weight: float
+    params: dict[str, float] = Field(default_factory=dict)
+
+
+class TaskConfig(FrozenModel):
+    """A robot, the worlds it drives in, what it sees, what it is paid for and when it ends."""
+
+    name: str
+    suite: str
+    """Where the worlds come from: a generator's name, ``map`` or ``barn``."""
+    map: str | None = None
+    """The ROS map to drive in (its .yaml file), for the suite ``map``."""
+    worlds: str | None = None
+    """The folder of the BARN dataset, for the suite ``barn``."""
+    num_worlds: Annotated[int, Field(ge=1, le=65536)] = 1024
+    """Worlds to generate for training."""
+    robot: str = "pm01"
+    """A robot's name or the path of its YAML file."""
+    robot_changes: dict[str, Any] = Field(default_factory=dict)
+    """Laid over the robot's own description, e.g. ``{lidar: {num_beams: 20}}``."""
+    control_dt: Annotated[float, Field(ge=0.001, le=1.0)] = 0.1
+    """Time between two actions [s]."""
+    time_limit_steps: Annotated[int, Field(ge=1)] = 500
+    """After so many steps the episode is truncated."""
+    goal_radius: Positive = 0.3
+    """[m]"""
+    goal_distance: tuple[NonNegative, NonNegative | None] = (2.0, None)
+    """Least and greatest straight distance from start to goal [m]; None is no limit."""
+    collision: Literal["contact", "scan"] = "contact"
+    """A collision is a touch of the footprint, or a return nearer than collision_distance."""
+    collision_distance: Positive = 0.2
+    """[m], for ``collision: scan``."""
+    margin: NonNegative = 0.1
+    """Starts, goals and a way between them keep at least this free beside the footprint [m]."""
+    observation: ObservationConfig = ObservationConfig()
+    rewards: dict[str, RewardTerm]
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> TaskConfig:
+        low, high = self.goal_distance
+        if high is not None and high <= low:
+            raise ValueError("goal_distance: the greatest must exceed the least")
+        for name, term in self.rewards.items():
+            if name not in REWARDS:
+                raise ValueError(f"rewards.{name}: unknown; allowed: {', '.join(sorted(REWARDS))}")
+            allowed = set(list(inspect.signature(REWARDS[name]).parameters)[1:])
+            if unknown := set(term.params) - allowed:
+                known = ", ".join(sorted(allowed)) or "none"
+                raise ValueError(f"rewards.{name}.params.{min(unknown)}: unknown; allowed: {known}")
+        return self
+
+    def robot_spec(self) -> RobotSpec:
+        """Return the robot with this task's changes.
+
+        Raises:
+            InputError: no such robot, or the changes make it impossible.
+        """
+        robot = load_robot(self.robot)
+        if not self.robot_changes:
+            return robot
+        changed = merge(robot.model_dump(), self.robot_changes)
+        return validate(RobotSpec, changed, f"robot {self.robot} with robot_changes")
+
+    def goal_distance_limits(self) -> tuple[float, float]:
+        """Return the least and the greatest distance from start to goal [m]."""
+        low, high = self.goal_distance
+        return low, math.inf if high is None else high
+
+
+def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayout:
+    """Return the contract between this task's environments and the policies trained in them."""
+    seen = config.observation
+    lidar, limits = robot.lidar, robot.limits
+    range_max = min(lidar.range_max, seen.range_max or lidar.range_max)
+    return ObservationLayout(
+        scan=ScanGeometry(
+            num_beams=lidar.num_beams,
+            angle_min=lidar.angle_min,
+            angle_increment=lidar.angle_increment,
+            range_min=lidar.range_min,
+            range_max=range_max,
+        ),
+        limits=ActionLimits(limits.linear_min, limits.linear_max, limits.angular_max),
+        sectors=seen.sectors,
+        nearness_distance=seen.nearness_distance,
+        goal=seen.goal,
+        previous_action=seen.previous_action,
+        goal_distance_max=seen.goal_distance_max,
+        normalize=seen.normalize,
+    )

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The navigation task on a batch of simulated robots: act, move, judge, reset, observe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.task.config import TaskConfig, observation_layout
+from pm01_nav.task.observation import build_observation
+from pm01_nav.task.rewards import REWARDS
+from pm01_nav.task.step import Step
+from pm01_nav.task.terminations import judge, out_of_time
+from pm01_nav.worlds.pool import WorldPool
+
+ALL = slice(None)
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """Episodes that ended in one step; one row each."""
+
+    indices: NDArray[np.int64]
+    """Which environments, shape (n,)."""
+    success: NDArray[np.bool_]
+    collision: NDArray[np.bool_]
+    steps: NDArray[np.int64]
+    returns: NDArray[np.float64]
+    """Sum of rewards, shape (n,)."""
+    terms: dict[str, NDArray[np.float64]]
+    """Each reward term's weighted sum, shape (n,)."""
+    final_observation: NDArray[np.float32]
+    """The last observation before the reset, shape (n, observation size)."""
+
+
+@dataclass(frozen=True)
+class BatchStep:
+    """The outcome of one step of every environment, after the finished ones were reset."""
+
+    observation: NDArray[np.float32]
+    reward: NDArray[np.float64]
+    rewards: dict[str, NDArray[np.float64]]
+    """Each term's weighted share of ``reward``, shape (num_envs,)."""
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    episodes: Episodes | None
+    """Those that ended, if any."""
+
+
+class NavigationBatch:
+    """Many robots on the same task; a finished episode is followed by a new one at once."""
+
+    def __init__(
+        self, config: TaskConfig, pool: WorldPool, num_envs: int, *, autoreset: bool = True
+    ) -> None:
+        """Prepare ``num_envs`` robots in the worlds of ``pool``; call ``reset`` before ``step``.
+
+        Without ``autoreset`` the caller resets after an episode's end.
+        """
+        self.config = config
+        self.autoreset = autoreset
+        self.robot = config.robot_spec()
+        self.layout = observation_layout(config, self.robot)
+        self.num_envs = num_envs
+        self.simulator = PlanarSimulator(
+            self.robot,
+            pool,
+            num_envs,
+            control_dt=config.control_dt,
+            goal_distance=config.goal_distance_limits(),
+        )
+        self._scale = np.array(self.layout.scale, dtype=np.float32)
+        self._count = np.zeros(num_envs, dtype=np.int64)
+        self._action = np.zeros((num_envs, 2))
+        self._return = np.zeros(num_envs)
+        self._terms = {name: np.zeros(num_envs) for name in config.rewards}
+
+    def reset(
+        self, seeds: ArrayLike | None = None, worlds: NDArray[np.int64] | None = None
+    ) -> NDArray[np.float32]:
+        """Start a new episode everywhere; return observations (num_envs, size).
+
+        ``seeds`` (num_envs,) begin the random streams anew, ``worlds`` (num_envs,) fix the worlds.
+        """
+        if seeds is not None:
+            self.simulator.seed(seeds)
+        self._begin(np.arange(self.num_envs), worlds)
+        return self.observe()
+
+    def observe(self, indices: NDArray[np.int64] | slice = ALL) -> NDArray[np.float32]:
+        """Return the present observations as environments give them, shape (n, size)."""
+        sim = self.simulator
+        observation = build_observation(
+            self.layout,
+            sim.scan[indices],
+            sim.state.goal_polar[indices],
+            sim.state.twist[indices],
+            self._action[indices],
+        )
+        return observation / self._scale if self.layout.normalize else observation
+
+    def advance(self, command: NDArray[np.float64]) -> Step:
+        """Apply commands (num_envs, 2) [m/s, rad/s] and judge the outcome; nothing is reset."""
+        state = self.simulator.state
+        before = state.goal_polar[:, 0].copy()
+        self.simulator.step(command)
+        self._count += 1
+        step = Step(
+            xp=np,
+            pose=state.pose,
+            twist=state.twist,
+            command=command,
+            scan=self.simulator.scan,
+            clearance=state.clearance,
+            contact=state.contact,
+            goal_distance=state.goal_polar[:, 0],
+            goal_bearing=state.goal_polar[:, 1],
+            previous_goal_distance=before,
+            count=self._count,
+        )
+        step.reached, step.collided = judge(step, self.config)
+        return step
+
+    def step(self, action: NDArray[Any]) -> BatchStep:
+        """Apply actions (num_envs, 2) in [-1, 1]; reset what ended."""
+        action = np.clip(action, -1.0, 1.0)
+        step = self.advance(self.layout.limits.to_command(action))
+        step.action, step.previous_action = action, self._action
+        rewards = {
+            name: term.weight * REWARDS[name](step, **term.params)
+            for name, term in self.config.rewards.items()
+        }
+        reward = np.zeros(self.num_envs)
+        for name, value in rewards.items():
+            reward += value
+            self._terms[name] += value
+        self._return += reward
+        self._action = action
+        terminated = step.reached | step.collided
+        truncated = out_of_time(step, self.config) & ~terminated
+        done = np.flatnonzero(terminated | truncated)
+        observation = self.observe()
+        episodes = None
+        if len(done):
+            episodes = self._finish(step, done, observation)
+            if self.autoreset:
+                self._begin(done, None)
+                observation[done] = self.observe(done)
+        return BatchStep(observation, reward, rewards, terminated, truncated, episodes)
+
+    def _finish(
+        self, step: Step, done: NDArray[np.int64], observation: NDArray[np.float32]
+    ) -> Episodes:
+        return Episodes(
+            indices=done,
+            success=step.reached[done],
+            collision=step.collided[done],
+            steps=self._count[done],
+            returns=self._return[done],
+            terms={name: total[done] for name, total in self._terms.items()},
+            final_observation=observation[done],
+        )
+
+    def _begin(self, indices: NDArray[np.int64], worlds: NDArray[np.int64] | None) -> None:
+        self.simulator.reset(indices, worlds)
+        self._count[indices] = 0
+        self._return[indices] = 0.0
+        self._action[indices] = 0.0
+        for total in self._terms.values():
+            total[indices] = 0.0
+
+    def state_dict(self) -> dict[str, NDArray[Any]]:
+        """Return copies of every array that makes up the batch's state."""
+        return {name: array.copy() for name, array in self._arrays().items()}
+
+    def load_state_dict(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Go on from a state returned by ``state_dict``.
+
+        Raises:
+            ValueError: it belongs to a batch of another size or task.
+        """
+        mine = self._arrays()
+        if set(arrays) != set(mine):
+            raise ValueError(f"state has {sorted(arrays)}, this batch needs {sorted(mine)}")
+        for name, array in mine.items():
+            if arrays[name].shape != array.shape:
+                raise ValueError(f"state.{name}: {arrays[name].shape}, needs {array.shape}")
+            array[...] = arrays[name].view(array.dtype)
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        arrays = dict(self.simulator.state._asdict())
+        arrays |= {"count": self._count, "action": self._action, "return": self._return}
+        return arrays | {f"terms/{name}": total for name, total in self._terms.items()}

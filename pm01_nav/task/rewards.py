@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reward terms: pure functions of one step, weighted and summed by the task's table.
+
+A term returns shape (num_envs,). What a term measures is positive; its sign stands in the weight.
+A new term is a function here and a line in a task's ``rewards``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from pm01_nav.task.step import Step
+
+RewardFunction = Callable[..., Any]
+REWARDS: dict[str, RewardFunction] = {}
+
+
+def reward_term(function: RewardFunction) -> RewardFunction:
+    """Enter a function in the table of reward terms under its own name."""
+    REWARDS[function.__name__] = function
+    return function
+
+
+@reward_term
+def goal(step: Step) -> Any:
+    """1 in the step that reaches the goal."""
+    return step.reached
+
+
+@reward_term
+def collision(step: Step) -> Any:
+    """1 in the step that collides."""
+    return step.collided
+
+
+@reward_term
+def progress(step: Step) -> Any:
+    """Decrease of the straight distance to the goal [m]."""
+    return step.previous_goal_distance - step.goal_distance
+
+
+@reward_term
+def time(step: Step) -> Any:
+    """1 in every step."""
+    return step.xp.ones_like(step.goal_distance)
+
+
+@reward_term
+def turning(step: Step) -> Any:
+    """Commanded turn to either side [rad/s]."""
+    return step.xp.abs(step.command[:, 1])
+
+
+@reward_term
+def speed(step: Step) -> Any:
+    """Commanded speed, forwards or backwards [m/s]."""
+    return step.xp.abs(step.command[:, 0])
+
+
+@reward_term
+def heading(step: Step) -> Any:
+    """1 when facing the goal, 0 when it lies behind."""
+    return 1.0 - step.xp.abs(step.goal_bearing) / math.pi
+
+
+@reward_term
+def proximity(step: Step, distance: float = 0.2) -> Any:
+    """How deep the nearest obstacle intrudes into a margin around the footprint, 0 to 1."""
+    return step.xp.clip(1.0 - step.clearance / distance, 0.0, 1.0)
+
+
+@reward_term
+def jerkiness(step: Step) -> Any:
+    """Squared change of the action since the last step, summed over both parts."""
+    return step.xp.sum((step.action - step.previous_action) ** 2, axis=-1)

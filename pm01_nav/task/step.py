@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happened in one control step, for reward terms and end conditions to read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+
+@dataclass
+class Step:
+    """One control step of the whole batch; arrays of one kind (numpy or another array API)."""
+
+    xp: Any
+    """Namespace of the arrays."""
+    pose: Any
+    """x, y, yaw in the world [m, m, rad], shape (num_envs, 3)."""
+    twist: Any
+    """v, w in base_link [m/s, rad/s], shape (num_envs, 2)."""
+    command: Any
+    """Commanded v, w [m/s, rad/s], shape (num_envs, 2)."""
+    scan: Any
+    """Lidar ranges by REP-117 [m], shape (num_envs, num_beams)."""
+    clearance: Any
+    """From the footprint to the nearest obstacle [m], shape (num_envs,)."""
+    contact: Any
+    """Whether an obstacle stopped the robot, shape (num_envs,)."""
+    goal_distance: Any
+    """[m], shape (num_envs,)."""
+    goal_bearing: Any
+    """Direction of the goal in base_link [rad], shape (num_envs,)."""
+    previous_goal_distance: Any
+    """Goal distance before the step [m], shape (num_envs,)."""
+    count: Any
+    """Steps of the episode so far, this one included, shape (num_envs,)."""
+    action: Any = None
+    """Actions in [-1, 1], shape (num_envs, 2)."""
+    previous_action: Any = None
+    """Actions of the step before, zero at first, shape (num_envs, 2)."""
+    reached: Any = None
+    """Whether the goal was reached, shape (num_envs,)."""
+    collided: Any = None
+    """Whether the episode ends in a collision, shape (num_envs,)."""
+
+    @cached_property
+    def nearest_return(self) -> Any:
+        """Nearest range of the scan [m], shape (num_envs,)."""
+        return self.xp.min(self.scan, axis=-1)

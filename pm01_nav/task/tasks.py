@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tasks by name. A factory returns a fresh configuration; variants are its arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from pm01_nav.errors import InputError
+from pm01_nav.robot import full_circle
+from pm01_nav.task.config import ObservationConfig, RewardTerm, TaskConfig
+
+TaskFactory = Callable[[], TaskConfig]
+TASKS: dict[str, TaskFactory] = {}
+
+
+def task(factory: TaskFactory) -> TaskFactory:
+    """Enter a factory in the table of tasks under its own name."""
+    TASKS[factory.__name__] = factory
+    return factory
+
+
+def task_config(name: str) -> TaskConfig:
+    """Return the configuration of a task by its name.
+
+    Raises:
+        InputError: no such task.
+    """
+    if name not in TASKS:
+        raise InputError(f"task = {name!r}: unknown; allowed: {', '.join(sorted(TASKS))}")
+    return TASKS[name]()
+
+
+def article_rewards() -> dict[str, RewardTerm]:
+    """Return the reward table of the article."""
+    return {
+        "goal": RewardTerm(weight=100.0),
+        "collision": RewardTerm(weight=-50.0),
+        "progress": RewardTerm(weight=10.0),
+        "time": RewardTerm(weight=-0.05),
+        "turning": RewardTerm(weight=-0.01),
+        "speed": RewardTerm(weight=-0.005),
+    }
+
+
+@task
+def article() -> TaskConfig:
+    """The article's task to the letter (``PM01Nav-v0``): 20 beams, 24 numbers, fixed start."""
+    return TaskConfig(
+        name="article",
+        suite="article",
+        robot_changes={"lidar": full_circle(20)},
+        goal_distance=(0.0, None),
+        collision="scan",
+        collision_distance=0.2,
+        observation=ObservationConfig(
+            sectors=0,
+            nearness_distance=0.0,
+            goal="polar",
+            previous_action=False,
+            normalize=False,
+        ),
+        rewards=article_rewards(),
+    )
+
+
+def navigation(suite: str, **changes: Any) -> TaskConfig:
+    """Our default task (``PM01Nav-v1``) in the worlds of a suite."""
+    return TaskConfig(name=suite, suite=suite, rewards=article_rewards(), **changes)
+
+
+@task
+def static() -> TaskConfig:
+    """10 m x 10 m with up to 12 discs and some boxes; random start, heading and goal."""
+    return navigation("static")
+
+
+@task
+def empty() -> TaskConfig:
+    """10 m x 10 m with nothing in it."""
+    return navigation("empty", num_worlds=1)
+
+
+@task
+def map() -> TaskConfig:
+    """One's own ROS map (``--map FILE.yaml``); random start, heading and goal."""
+    return navigation("map", num_worlds=1, goal_distance=(1.0, 10.0))
+
+
+def _barn(suite: str, **changes: Any) -> TaskConfig:
+    """The BARN challenge's robot, time limit and goal radius (sources: the Jackal's file)."""
+    return navigation(
+        suite,
+        robot="jackal",
+        time_limit_steps=1000,
+        goal_radius=1.0,
+        goal_distance=(0.0, None),
+        margin=0.03,
+        observation=ObservationConfig(sectors=72, range_max=5.0),
+        **changes,
+    )
+
+
+@task
+def barn_like() -> TaskConfig:
+    """Generated obstacle fields of the BARN kind, to train on."""
+    return _barn("barn_like")
+
+
+@task
+def barn() -> TaskConfig:
+    """The BARN dataset (``--worlds DIR``), for testing only."""
+    return _barn("barn")

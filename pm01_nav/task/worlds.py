@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The worlds a task is trained and evaluated in."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pm01_nav.errors import InputError
+from pm01_nav.task.config import TaskConfig
+from pm01_nav.worlds.barn import load_barn
+from pm01_nav.worlds.pool import WorldPool, build_pool, generate_pool
+from pm01_nav.worlds.ros_map import read_ros_map
+from pm01_nav.worlds.suites import SUITES
+
+Split = Literal["train", "held_out"]
+FILE_SUITES = ("map", "barn")
+SEEDS_PER_RUN = 1 << 20
+"""World seeds set aside for each run seed, so that no two runs share worlds."""
+
+
+def world_pool(config: TaskConfig, split: Split, count: int, seed: int = 0) -> WorldPool:
+    """Make or read worlds for a task.
+
+    Generated worlds of the two splits never share a seed; ``seed`` chooses among those of a
+    split. Worlds from files are the same in both splits and ``count`` does not apply.
+
+    Raises:
+        InputError: the suite is unknown, its files are unusable, or no way leads to a goal.
+    """
+    radius = config.robot_spec().footprint.circumscribed_radius + config.margin
+    if config.suite == "map":
+        return build_pool([read_ros_map(_required(config.map, "map"))], radius)
+    if config.suite == "barn":
+        inscribed = config.robot_spec().footprint.inscribed_radius
+        return build_pool(load_barn(_required(config.worlds, "worlds")).worlds, inscribed)
+    if config.suite not in SUITES:
+        allowed = ", ".join(sorted([*SUITES, *FILE_SUITES]))
+        raise InputError(f"suite = {config.suite!r}: unknown; allowed: {allowed}")
+    return generate_pool(SUITES[config.suite], world_seeds(split, count, seed), radius)
+
+
+def world_seeds(split: Split, count: int, seed: int) -> range:
+    """Return the world seeds that a run with ``seed`` draws from: even to train, odd held out."""
+    first = 2 * seed * SEEDS_PER_RUN + (split == "held_out")
+    return range(first, first + 2 * count, 2)
+
+
+def _required(path: str | None, name: str) -> str:
+    if path is None:
+        raise InputError(f"{name}: this task needs it; give --{name} PATH")
+    return path

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a policy is trained; PPO's parameters carry the names that SB3 and RL Zoo give them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from pm01_nav.config import FrozenModel
+from pm01_nav.robot import NonNegative, Positive
+from pm01_nav.task.config import TaskConfig
+
+Count = Annotated[int, Field(ge=1)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class PPOConfig(FrozenModel):
+    """Hyper-parameters of PPO, tuned for the batched environment."""
+
+    n_envs: Count = 256
+    """Robots that drive side by side."""
+    n_steps: Count = 64
+    """Steps of each robot between two updates."""
+    batch_size: Count = 4096
+    n_epochs: Count = 5
+    learning_rate: Positive = 2e-3
+    learning_rate_final: Fraction = 0.03
+    """Part of the learning rate that is left at the end of the budget; it falls linearly."""
+    gamma: Fraction = 0.95
+    gae_lambda: Fraction = 0.95
+    clip_range: Positive = 0.2
+    ent_coef: NonNegative = 0.0
+    vf_coef: NonNegative = 0.5
+    max_grad_norm: Positive = 0.5
+    net_arch: tuple[Count, ...] = (64, 64)
+    activation: Literal["relu", "tanh", "elu"] = "relu"
+    log_std_init: float = -0.5
+    reward_scale: Positive = 0.02
+    """The algorithm sees rewards times this; logged returns are not scaled."""
+
+
+class TrainConfig(FrozenModel):
+    """One training run: what, how, how long and how often to look."""
+
+    algo: Literal["ppo"] = "ppo"
+    seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
+    steps: Count | None = None
+    """Environment steps, all robots together."""
+    time_budget: Positive | None = None
+    """Seconds from the start of the command; whichever of the two comes first ends the run."""
+    eval_every: Count = 1_000_000
+    """Steps between two evaluations on held-out worlds."""
+    eval_episodes: Count = 256
+    checkpoint_every: Positive = 10.0
+    """Seconds between two checkpoints."""
+    threads: Annotated[int, Field(ge=0)] = 0
+    """Threads of the learner; 0 measures at the start which number is fastest."""
+    ppo: PPOConfig = PPOConfig()
+
+    @model_validator(mode="after")
+    def _ends(self) -> TrainConfig:
+        if self.steps is None and self.time_budget is None:
+            raise ValueError("give steps, time_budget or both")
+        samples = self.ppo.n_envs * self.ppo.n_steps
+        if samples % self.ppo.batch_size:
+            raise ValueError(
+                f"ppo.batch_size must divide ppo.n_envs x ppo.n_steps = {samples}, "
+                f"not {self.ppo.batch_size}"
+            )
+        return self
+
+
+class RunConfig(FrozenModel):
+    """The whole configuration of a run, as stored in its ``config.yaml``."""
+
+    task: TaskConfig
+    train: TrainConfig

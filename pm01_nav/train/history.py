@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happened in a run, one entry an iteration: for the plot, the log and the progress bar."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+
+from pm01_nav.task.navigation import Episodes
+
+WINDOW = 2000
+"""Episodes that training rates are averaged over."""
+
+
+class History:
+    """Training episodes summed up an iteration at a time, and evaluations as they come."""
+
+    def __init__(self) -> None:
+        """Start with nothing."""
+        self.columns: dict[str, list[float]] = {}
+        self._recent: deque[tuple[bool, bool]] = deque(maxlen=WINDOW)
+        self._episodes: list[Episodes] = []
+
+    def add_episodes(self, episodes: Episodes) -> None:
+        """Note the episodes that ended in one step."""
+        self._episodes.append(episodes)
+        endings = zip(episodes.success.tolist(), episodes.collision.tolist(), strict=True)
+        self._recent.extend(endings)
+
+    def end_iteration(self, seconds: float, steps: int) -> dict[str, float]:
+        """Close an iteration and return its row; rates are over the last ``WINDOW`` episodes."""
+        row: dict[str, float] = {"seconds": seconds, "steps": float(steps)}
+        recent = np.array(self._recent, dtype=np.float64).reshape(-1, 2)
+        if len(recent):
+            success, collision = recent.mean(axis=0)
+            row |= {
+                "success_rate": float(success),
+                "collision_rate": float(collision),
+                "timeout_rate": float(1.0 - success - collision),
+            }
+        else:
+            row |= dict.fromkeys(("success_rate", "collision_rate", "timeout_rate"), float("nan"))
+        row |= self._episode_means()
+        self._episodes.clear()
+        for name, value in row.items():
+            self.columns.setdefault(name, []).append(value)
+        return row
+
+    def add_evaluation(self, seconds: float, summary: dict[str, Any]) -> None:
+        """Note an evaluation on held-out worlds."""
+        low, high = summary["success_rate_ci95"]
+        row = {
+            "eval_seconds": seconds,
+            "eval_success_rate": summary["success_rate"],
+            "eval_success_low": low,
+            "eval_success_high": high,
+        }
+        for name, value in row.items():
+            self.columns.setdefault(name, []).append(value)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return plain data to go on from."""
+        return {"columns": self.columns, "recent": [list(pair) for pair in self._recent]}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from ``state_dict``."""
+        self.columns = state["columns"]
+        self._recent.extend((bool(s), bool(c)) for s, c in state["recent"])
+
+    def _episode_means(self) -> dict[str, float]:
+        if not self._episodes:
+            names = [n for n in self.columns if n == "return" or n.startswith("reward/")]
+            return {name: self.columns[name][-1] for name in names}
+        terms = self._episodes[0].terms
+        means = {
+            f"reward/{name}": float(np.concatenate([e.terms[name] for e in self._episodes]).mean())
+            for name in terms
+        }
+        returns = np.concatenate([e.returns for e in self._episodes])
+        steps = np.concatenate([e.steps for e in self._episodes])
+        return {"return": float(returns.mean()), "length": float(steps.mean()), **means}

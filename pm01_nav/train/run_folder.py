@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The folder of a run: where each file lies, and how it is made, found and checked."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from pm01_nav.config import read_yaml, to_yaml, validate, write_atomically
+from pm01_nav.errors import InputError
+from pm01_nav.train.config import RunConfig
+
+
+class RunFolder:
+    """Paths inside a run's folder."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Name the files below ``path``; nothing is read or written."""
+        self.path = Path(path)
+        self.config = self.path / "config.yaml"
+        self.last = self.path / "last.pt"
+        self.best = self.path / "best.pt"
+        self.policy = self.path / "policy.onnx"
+        self.history = self.path / "history.json"
+        self.metrics = self.path / "metrics.json"
+        self.plot = self.path / "training.png"
+        self.tensorboard = self.path / "tensorboard"
+
+    def create(self, config: RunConfig, *, force: bool = False) -> None:
+        """Make the folder and store the effective configuration in it.
+
+        Raises:
+            InputError: it exists and is not empty (unless ``force``, which clears a former run),
+                or it is no folder.
+        """
+        if self.path.exists():
+            if not self.path.is_dir():
+                raise InputError(f"out = {self.path}: exists and is not a folder")
+            if any(self.path.iterdir()):
+                self._clear(force)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"out = {self.path}: cannot be made: {error.strerror}") from error
+        write_atomically(self.config, to_yaml(config.model_dump(mode="json")))
+
+    def _clear(self, force: bool) -> None:
+        if not force:
+            raise InputError(f"out = {self.path}: exists and is not empty; --force replaces it")
+        if not self.config.exists():
+            raise InputError(f"out = {self.path}: is not empty and no run; --force leaves it alone")
+        shutil.rmtree(self.path)
+
+    def load_config(self) -> RunConfig:
+        """Read the stored configuration.
+
+        Raises:
+            InputError: the folder is no run, or its configuration is unusable.
+        """
+        if not self.config.is_file():
+            raise InputError(f"{self.path}: is no run folder (it has no config.yaml)")
+        return validate(RunConfig, read_yaml(self.config), str(self.config))

@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Train a policy: learn, look at held-out worlds, keep checkpoints, stop at the budget's end."""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any, Protocol
+
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger, configure
+
+from pm01_nav.benchmark.evaluate import Evaluator
+from pm01_nav.config import write_atomically
+from pm01_nav.envs.sb3_vec_env import NavVecEnv
+from pm01_nav.policy.export import export_policy, greedy_policy, policy_metadata
+from pm01_nav.provenance import provenance
+from pm01_nav.task.config import observation_layout
+from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.worlds import world_pool
+from pm01_nav.train.checkpoint import load_checkpoint, restore, save_checkpoint
+from pm01_nav.train.config import RunConfig
+from pm01_nav.train.history import History
+from pm01_nav.train.ppo import make_policy, make_ppo
+from pm01_nav.train.run_folder import RunFolder
+from pm01_nav.train.runtime import choose_threads, keep_freed_memory
+
+EVALUATION_SEED = 1_000_003
+"""Worlds of the periodic evaluation; neither trained on nor those of `pm01 evaluate`."""
+
+
+class Progress(Protocol):
+    """Whoever wants to show how a run is getting on."""
+
+    def started(self, message: str) -> None:
+        """Say how the run was set up."""
+
+    def iteration(self, fraction: float, row: dict[str, float], steps_per_second: float) -> None:
+        """Show one iteration; ``fraction`` of the budget is spent."""
+
+    def evaluated(self, steps: int, summary: dict[str, Any]) -> None:
+        """Show an evaluation on held-out worlds."""
+
+
+@dataclass(frozen=True)
+class TrainResult:
+    """How a run ended."""
+
+    steps: int
+    seconds: float
+    interrupted: bool
+    best_success_rate: float
+    best_steps: int
+
+
+class Budget:
+    """How much of a run's steps and seconds is spent."""
+
+    def __init__(self, config: RunConfig, started_at: float, spent_before: float) -> None:
+        """Count seconds from ``started_at`` (``perf_counter``) on top of ``spent_before``."""
+        self._steps, self._seconds = config.train.steps, config.train.time_budget
+        self._started_at = started_at - spent_before
+        self.steps_done = 0
+
+    @property
+    def seconds(self) -> float:
+        """Seconds spent so far."""
+        return time.perf_counter() - self._started_at
+
+    def fraction(self) -> float:
+        """Return the spent part of what runs out first, 0 to 1 and beyond."""
+        by_steps = self.steps_done / self._steps if self._steps else 0.0
+        by_time = self.seconds / self._seconds if self._seconds else 0.0
+        return max(by_steps, by_time)
+
+
+class Supervision(BaseCallback):
+    """Log, evaluate, save and stop, always between two iterations, where the state is whole."""
+
+    def __init__(
+        self,
+        config: RunConfig,
+        folder: RunFolder,
+        batch: NavigationBatch,
+        budget: Budget,
+        progress: Progress,
+    ) -> None:
+        """Watch over one run."""
+        super().__init__()
+        self.config, self.folder, self.batch = config, folder, batch
+        self.budget, self.progress = budget, progress
+        self.history = History()
+        self.best = {"success_rate": -1.0, "steps": 0, "spl": 0.0}
+        self.interrupted = threading.Event()
+        self._next_evaluation = config.train.eval_every
+        self._saved_at = time.perf_counter()
+        self._iteration_at: float | None = None
+        self._finished = False
+        self._evaluator: Evaluator | None = None
+
+    @property
+    def _learner(self) -> PPO:
+        assert isinstance(self.model, PPO)
+        return self.model
+
+    def _on_step(self) -> bool:
+        assert isinstance(self.training_env, NavVecEnv)
+        episodes = self.training_env.last_episodes
+        if self._finished:
+            return False
+        if episodes is not None:
+            self.history.add_episodes(episodes)
+        return True
+
+    def _on_rollout_start(self) -> None:
+        """Run between two iterations: the last update is done, the next rollout not begun."""
+        self.budget.steps_done = self.num_timesteps
+        if self._iteration_at is not None:
+            self._end_iteration()
+        if self.num_timesteps >= self._next_evaluation:
+            self._next_evaluation += self.config.train.eval_every
+            self.evaluate()
+        spent = self.budget.fraction() >= 1.0
+        if spent:
+            self.evaluate()
+        self._finished = spent or self.interrupted.is_set()
+        due = time.perf_counter() - self._saved_at >= self.config.train.checkpoint_every
+        if due or self._finished:
+            self.save()
+        self._iteration_at = time.perf_counter()
+
+    def _end_iteration(self) -> None:
+        assert self._iteration_at is not None
+        duration = time.perf_counter() - self._iteration_at
+        rate = self.config.train.ppo.n_envs * self.config.train.ppo.n_steps / duration
+        row = self.history.end_iteration(self.budget.seconds, self.num_timesteps)
+        for name, value in row.items():
+            self.logger.record(name if "/" in name else f"train_episodes/{name}", value)
+        self.logger.record("time/steps_per_second", rate)
+        self.progress.iteration(self.budget.fraction(), row, rate)
+
+    def evaluate(self) -> None:
+        """Measure the greedy policy on held-out worlds; keep it if it is the best so far."""
+        if self._evaluator is None:
+            episodes = self.config.train.eval_episodes
+            self._evaluator = Evaluator(self.config.task, episodes, EVALUATION_SEED)
+        policy = greedy_policy(self._learner.policy, self.batch.layout)
+        summary = self._evaluator.summary(policy)
+        self.history.add_evaluation(self.budget.seconds, summary)
+        for name in ("success_rate", "collision_rate", "timeout_rate", "spl"):
+            self.logger.record(f"eval/{name}", summary[name])
+        self.progress.evaluated(self.num_timesteps, summary)
+        # Later is better at equal success: the learning rate has fallen further.
+        if summary["success_rate"] >= self.best["success_rate"]:
+            self.best = {"success_rate": summary["success_rate"], "steps": self.num_timesteps}
+            self._write(self.folder.best)
+
+    def save(self) -> None:
+        """Write the last checkpoint and the history."""
+        self._write(self.folder.last)
+        write_atomically(self.folder.history, json.dumps(self.history.columns))
+        self._saved_at = time.perf_counter()
+
+    def state(self) -> dict[str, Any]:
+        """Return what a checkpoint must know beyond learner and environments."""
+        return {
+            "history": self.history.state_dict(),
+            "best": self.best,
+            "next_evaluation": self._next_evaluation,
+            "seconds": self.budget.seconds,
+        }
+
+    def load_state(self, state: dict[str, Any]) -> None:
+        """Go on from ``state``."""
+        self.history.load_state_dict(state["history"])
+        self.best = state["best"]
+        self._next_evaluation = state["next_evaluation"]
+
+    def _write(self, path: Any) -> None:
+        save_checkpoint(path, self._learner, self.batch, self.state())
+
+
+def train(
+    config: RunConfig,
+    folder: RunFolder,
+    progress: Progress,
+    *,
+    started_at: float,
+    resume: bool = False,
+) -> TrainResult:
+    """Train into ``folder``, which exists; export its best policy at the end.
+
+    Ctrl-C ends the run after the iteration under way, with everything saved; pressed twice, at
+    once. With ``resume`` the last checkpoint is the beginning.
+
+    Raises:
+        InputError: worlds, robot or checkpoint are unusable.
+    """
+    keep_freed_memory()
+    data = load_checkpoint(folder.last) if resume else None
+    threads = choose_threads(
+        config.train.threads, config.train.ppo.batch_size, config.train.ppo.net_arch
+    )
+    task = config.task
+    pool = world_pool(task, "train", task.num_worlds, config.train.seed)
+    batch = NavigationBatch(task, pool, config.train.ppo.n_envs)
+    env = NavVecEnv(batch, seed=config.train.seed << 32, reward_scale=config.train.ppo.reward_scale)
+    budget = Budget(config, started_at, data["extra"]["seconds"] if data else 0.0)
+    model = make_ppo(
+        config.train.ppo, env, batch.layout, seed=config.train.seed, progress=budget.fraction
+    )
+    model.set_logger(_logger(folder))
+    supervision = Supervision(config, folder, batch, budget, progress)
+    if data is not None:
+        env.reset()
+        restore(data, folder.last, model, batch)
+        supervision.load_state(data["extra"])
+    progress.started(f"learner threads: {threads.threads} ({threads.reason})")
+    with _stop_on_interrupt(supervision.interrupted.set):
+        model.learn(2**62, callback=supervision, reset_num_timesteps=data is None)
+    export_best(folder, config)
+    return TrainResult(
+        steps=model.num_timesteps,
+        seconds=budget.seconds,
+        interrupted=supervision.interrupted.is_set(),
+        best_success_rate=supervision.best["success_rate"],
+        best_steps=int(supervision.best["steps"]),
+    )
+
+
+def export_best(folder: RunFolder, config: RunConfig, path: Any = None) -> None:
+    """Export the best policy of a run (the last one if none was evaluated) as ONNX.
+
+    Raises:
+        InputError: the run has no readable checkpoint.
+    """
+    data = load_checkpoint(folder.best if folder.best.exists() else folder.last)
+    robot = config.task.robot_spec()
+    layout = observation_layout(config.task, robot)
+    policy = make_policy(config.train.ppo, layout)
+    policy.load_state_dict(data["policy"])
+    origin = {
+        "task": config.task.name,
+        "training_steps": data["num_timesteps"],
+        "seed": config.train.seed,
+        **provenance(),
+    }
+    metadata = policy_metadata(layout, robot, config.task.control_dt, origin)
+    export_policy(policy, layout, metadata, path or folder.policy)
+
+
+def _logger(folder: RunFolder) -> Logger:
+    return configure(str(folder.tensorboard), ["tensorboard"])
+
+
+@contextmanager
+def _stop_on_interrupt(stop: Callable[[], None]) -> Iterator[None]:
+    """Turn the first Ctrl-C into ``stop()``; the second one interrupts as usual."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def on_interrupt(number: int, frame: FrameType | None) -> None:
+        stop()
+        signal.signal(signal.SIGINT, before)
+
+    signal.signal(signal.SIGINT, on_interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a round robot fits: free cells, connected regions and shortest paths on a grid."""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pm01_nav.compilation import compiled
+from pm01_nav.geometry import points_in_polygon
+from pm01_nav.worlds.world import OccupancyGrid, World
+
+FloatArray = NDArray[np.float64]
+MAX_CELLS = 4_000_000
+"""Above this a raster gets coarser cells, so that a huge map still fits into memory."""
+
+
+@dataclass(frozen=True)
+class FreeSpace:
+    """The cells of a world in whose centre a disc of some radius touches nothing."""
+
+    free: NDArray[np.bool_]
+    """Shape (height, width); row 0 has the smallest y."""
+    resolution: float
+    """Side of a cell [m]."""
+    origin: tuple[float, float]
+    """Lower left corner of cell (0, 0) [m]."""
+
+    def regions(self) -> NDArray[np.int32]:
+        """Number the connected regions from 1; 0 is not free. Same shape as ``free``."""
+        labels = np.zeros(self.free.shape, dtype=np.int32)
+        ndimage.label(self.free, output=labels)
+        return labels
+
+    def cell(self, x: float, y: float) -> tuple[int, int] | None:
+        """Return the (row, column) that holds a point, or None outside the raster."""
+        row = int(np.floor((y - self.origin[1]) / self.resolution))
+        column = int(np.floor((x - self.origin[0]) / self.resolution))
+        if 0 <= row < self.free.shape[0] and 0 <= column < self.free.shape[1]:
+            return row, column
+        return None
+
+    def centre(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> FloatArray:
+        """Return the centres of cells, shape (n, 2) [m]."""
+        x = self.origin[0] + (columns + 0.5) * self.resolution
+        y = self.origin[1] + (rows + 0.5) * self.resolution
+        return np.stack([x, y], axis=-1).astype(np.float64)
+
+
+def free_space(world: World, radius: float, resolution: float = 0.1) -> FreeSpace:
+    """Rasterise a world for a disc of ``radius`` [m] on cells of ``resolution`` [m]."""
+    x_min, y_min, x_max, y_max = world.bounds
+    area = (x_max - x_min) * (y_max - y_min)
+    resolution = max(resolution, float(np.sqrt(area / MAX_CELLS)))
+    width = int(np.ceil((x_max - x_min) / resolution - 1e-9))
+    height = int(np.ceil((y_max - y_min) / resolution - 1e-9))
+    space = FreeSpace(np.ones((height, width), dtype=np.bool_), resolution, (x_min, y_min))
+    _clear_discs(space.free, world.discs, x_min, y_min, resolution, radius)
+    _clear_segments(space.free, world.all_segments, x_min, y_min, resolution, radius)
+    for polygon in world.polygons:
+        _clear_inside(space, polygon)
+    if world.grid is not None:
+        _clear_grid(space, world.grid, radius)
+    return space
+
+
+@compiled
+def _clear_discs(free, discs, x_min, y_min, resolution, radius):
+    height, width = free.shape
+    for k in range(discs.shape[0]):
+        x, y, reach = discs[k, 0] - x_min, discs[k, 1] - y_min, discs[k, 2] + radius
+        for row in range(
+            max(0, int((y - reach) / resolution)), min(height, int((y + reach) / resolution) + 1)
+        ):
+            for column in range(
+                max(0, int((x - reach) / resolution)), min(width, int((x + reach) / resolution) + 1)
+            ):
+                dx = (column + 0.5) * resolution - x
+                dy = (row + 0.5) * resolution - y
+                if dx * dx + dy * dy < reach * reach:
+                    free[row, column] = False
+
+
+@compiled
+def _clear_segments(free, segments, x_min, y_min, resolution, radius):
+    height, width = free.shape
+    for k in range(segments.shape[0]):
+        x1, y1 = segments[k, 0] - x_min, segments[k, 1] - y_min
+        x2, y2 = segments[k, 2] - x_min, segments[k, 3] - y_min
+        ex, ey = x2 - x1, y2 - y1
+        length_squared = max(ex * ex + ey * ey, 1e-18)
+        for row in range(
+            max(0, int((min(y1, y2) - radius) / resolution)),
+            min(height, int((max(y1, y2) + radius) / resolution) + 1),
+        ):
+            for column in range(
+                max(0, int((min(x1, x2) - radius) / resolution)),
+                min(width, int((max(x1, x2) + radius) / resolution) + 1),
+            ):
+                px = (column + 0.5) * resolution - x1
+                py = (row + 0.5) * resolution - y1
+                along = min(max((px * ex + py * ey) / length_squared, 0.0), 1.0)
+                dx, dy = px - along * ex, py - along * ey
+                if dx * dx + dy * dy < radius * radius:
+                    free[row, column] = False
+
+
+def _clear_inside(space: FreeSpace, polygon: FloatArray) -> None:
+    low = np.floor((polygon.min(axis=0) - space.origin) / space.resolution).astype(int)
+    high = np.ceil((polygon.max(axis=0) - space.origin) / space.resolution).astype(int)
+    low = np.maximum(low, 0)
+    rows = np.arange(low[1], min(high[1], space.free.shape[0]))
+    columns = np.arange(low[0], min(high[0], space.free.shape[1]))
+    if len(rows) == 0 or len(columns) == 0:
+        return
+    row_of, column_of = (m.ravel() for m in np.meshgrid(rows, columns, indexing="ij"))
+    inside = points_in_polygon(space.centre(row_of, column_of), polygon)
+    space.free[row_of[inside], column_of[inside]] = False
+
+
+def _clear_grid(space: FreeSpace, grid: OccupancyGrid, radius: float) -> None:
+    """Block cells whose centre lies within ``radius`` of a solid cell, to half its diagonal."""
+    distance = distance_to_occupied(grid)
+    height, width = space.free.shape
+    centres = space.centre(np.arange(height).repeat(width), np.tile(np.arange(width), height))
+    index = np.floor((centres - np.array(grid.origin)) / grid.resolution).astype(int)
+    rows = np.clip(index[:, 1], 0, grid.occupied.shape[0] - 1)
+    columns = np.clip(index[:, 0], 0, grid.occupied.shape[1] - 1)
+    half_diagonal = grid.resolution * np.sqrt(0.5)
+    near = distance[rows, columns] * grid.resolution < radius + half_diagonal
+    space.free.ravel()[near] = False
+
+
+def distance_to_occupied(grid: OccupancyGrid) -> NDArray[np.float32]:
+    """Return each cell's distance to the centre of the nearest solid cell, in cells.
+
+    Shape (height, width); a large number where no cell is solid.
+    """
+    if not grid.occupied.any():
+        return np.full(grid.occupied.shape, 1e6, dtype=np.float32)
+    return np.asarray(ndimage.distance_transform_edt(grid.occupied == 0), dtype=np.float32)
+
+
+def shortest_path_length(
+    space: FreeSpace, start: tuple[float, float], goal: tuple[float, float]
+) -> float:
+    """Return the length of a shortest free path [m]; infinity if there is none.
+
+    Dijkstra on 8 neighbours, then the path is pulled taut between cells that see each other.
+    The end points need not be cell centres.
+    """
+    first, last = space.cell(*start), space.cell(*goal)
+    if first is None or last is None:
+        return float("inf")
+    straight = float(np.hypot(goal[0] - start[0], goal[1] - start[1]))
+    if line_is_free(space.free, *first, *last):
+        return straight
+    cells = _grid_path(space.free, first[0], first[1], last[0], last[1])
+    if len(cells) == 0:
+        return float("inf")
+    corners = space.centre(cells[:, 0], cells[:, 1])
+    corners[0], corners[-1] = start, goal
+    kept = corners[_taut(space.free, cells)]
+    return max(straight, float(np.linalg.norm(np.diff(kept, axis=0), axis=1).sum()))
+
+
+@compiled
+def line_is_free(free, row, column, row_end, column_end):
+    """Tell whether all cells that a straight line between two centres passes are free."""
+    steps = 2 * max(abs(row_end - row), abs(column_end - column))
+    for k in range(steps + 1):
+        part = k / max(steps, 1)
+        r = int(np.floor(row + part * (row_end - row) + 0.5))
+        c = int(np.floor(column + part * (column_end - column) + 0.5))
+        if not free[r, c]:
+            return False
+    return True
+
+
+@compiled
+def _grid_path(free, row, column, row_end, column_end):
+    """Return the cells of a shortest 8-connected path, start first, shape (n, 2)."""
+    height, width = free.shape
+    cost = np.full(height * width, np.inf)
+    parent = np.full(height * width, -1, dtype=np.int64)
+    # The start and the goal may stand in cells that the inflation closed.
+    source, target = row_end * width + column_end, row * width + column
+    cost[source] = 0.0
+    queue = [(0.0, source)]
+    while len(queue) > 0:
+        distance, here = heapq.heappop(queue)
+        if here == target:
+            break
+        if distance > cost[here]:
+            continue
+        r, c = here // width, here % width
+        for dr in range(-1, 2):
+            for dc in range(-1, 2):
+                nr, nc = r + dr, c + dc
+                if (dr == 0 and dc == 0) or nr < 0 or nc < 0 or nr >= height or nc >= width:
+                    continue
+                there = nr * width + nc
+                if not free[nr, nc] and there != target:
+                    continue
+                through = distance + np.sqrt(float(dr * dr + dc * dc))
+                if through < cost[there]:
+                    cost[there] = through
+                    parent[there] = here
+                    heapq.heappush(queue, (through, there))
+    if not np.isfinite(cost[target]):
+        return np.zeros((0, 2), dtype=np.int64)
+    count = 1
+    here = target
+    while here != source:
+        here = parent[here]
+        count += 1
+    path = np.zeros((count, 2), dtype=np.int64)
+    here = target
+    for k in range(count):
+        path[k, 0], path[k, 1] = here // width, here % width
+        here = parent[here]
+    return path
+
+
+@compiled
+def _taut(free, cells):
+    """Return the indices of the cells left after skipping all that can be seen past."""
+    count = cells.shape[0]
+    kept = [0]
+    here = 0
+    while here < count - 1:
+        furthest = here + 1
+        for k in range(count - 1, here + 1, -1):
+            if line_is_free(free, cells[here, 0], cells[here, 1], cells[k, 0], cells[k, 1]):
+                furthest = k
+                break
+        kept.append(furthest)
+        here = furthest
+    return np.array(kept)

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many worlds in a few flat arrays, with the places where episodes may start and end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pm01_nav.errors import InputError
+from pm01_nav.worlds.free_space import FreeSpace, distance_to_occupied, free_space
+from pm01_nav.worlds.world import World
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+MAX_PLACES = 1 << 20
+"""Start and goal places kept in all; a pool of many worlds keeps a random share of each."""
+MAX_ATTEMPTS = 100
+
+
+class WorldArrays(NamedTuple):
+    """A pool as the kernels read it; world w owns rows ``begin[w]`` to ``begin[w + 1]``."""
+
+    discs: FloatArray
+    """x, y, radius [m], shape (n, 3)."""
+    disc_begin: IntArray
+    segments: FloatArray
+    """x1, y1, x2, y2 [m], shape (n, 4)."""
+    segment_begin: IntArray
+    grid_cells: NDArray[np.uint8]
+    """1 = solid, row by row, shape (n,)."""
+    grid_distance: NDArray[np.float32]
+    """Distance to the nearest solid cell's centre [cells], shape (n,)."""
+    grid_begin: IntArray
+    grid_frame: FloatArray
+    """origin x, y [m], resolution [m], width, height [cells], shape (num_worlds, 5)."""
+    starts: FloatArray
+    """x, y [m], shape (n, 2)."""
+    start_begin: IntArray
+    start_yaw: FloatArray
+    """Fixed heading [rad]; NaN draws one; shape (num_worlds,)."""
+    goals: FloatArray
+    """x, y [m], shape (n, 2)."""
+    goal_begin: IntArray
+    jitter: FloatArray
+    """Half the side of the square around a start, and a goal, to draw from [m], (num_worlds, 2)."""
+    cumulative_weight: FloatArray
+    """Probability of drawing this world or an earlier one, shape (num_worlds,)."""
+
+
+class Places(NamedTuple):
+    """Where episodes in one world may start and end; every start reaches every goal."""
+
+    starts: FloatArray
+    goals: FloatArray
+    start_yaw: float
+    jitter: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class WorldPool:
+    """Worlds, packed for the simulator."""
+
+    worlds: tuple[World, ...]
+    arrays: WorldArrays
+    radius: float
+    """Starts, goals and the way between them are free for a disc of this radius [m]."""
+
+    def __len__(self) -> int:
+        """Return the number of worlds."""
+        return len(self.worlds)
+
+    def free_space(self, index: int) -> FreeSpace:
+        """Return the raster of one world on which its places were chosen."""
+        return free_space(self.worlds[index], self.radius)
+
+
+def find_places(world: World, radius: float, rng: np.random.Generator, limit: int) -> Places:
+    """Choose where episodes may start and end, for a disc of ``radius`` [m].
+
+    Raises:
+        InputError: the world has no free space, or no goal can be reached from its start.
+    """
+    space = free_space(world, radius)
+    regions = space.regions()
+    sizes = np.bincount(regions.ravel())
+    sizes[0] = 0
+    if sizes.max() == 0:
+        raise InputError(f"world {world.name}: no free space for a robot of radius {radius:.2f} m")
+    if world.start is None:
+        region = int(sizes.argmax())
+        starts = _centres(space, regions == region, rng, limit)
+        start_yaw, start_jitter = np.nan, space.resolution / 2.0
+    else:
+        region = _region_at(space, regions, world.start[0], world.start[1])
+        starts, start_yaw, start_jitter = np.array([world.start[:2]]), world.start[2], 0.0
+    goals, goal_jitter = _goals(world, space, regions, region, rng, limit)
+    return Places(starts, goals, start_yaw, (start_jitter, goal_jitter))
+
+
+def _goals(
+    world: World,
+    space: FreeSpace,
+    regions: NDArray[np.int32],
+    region: int,
+    rng: np.random.Generator,
+    limit: int,
+) -> tuple[FloatArray, float]:
+    if world.goal_area is None:
+        return _centres(space, regions == region, rng, limit), space.resolution / 2.0
+    x_min, y_min, x_max, y_max = world.goal_area
+    if x_min == x_max and y_min == y_max:
+        goal_region = _region_at(space, regions, x_min, y_min)
+        if region == 0 or goal_region != region:
+            raise InputError(f"world {world.name}: start and goal are not connected")
+        return np.array([[x_min, y_min]]), 0.0
+    goals = _centres(space, regions == region, rng, space.free.size) if region else np.zeros((0, 2))
+    half = space.resolution / 2.0
+    low, high = np.array([x_min, y_min]) + half - 1e-9, np.array([x_max, y_max]) - half + 1e-9
+    goals = goals[((goals >= low) & (goals <= high)).all(axis=1)]
+    if len(goals) == 0:
+        raise InputError(f"world {world.name}: no goal in its goal area can be reached")
+    return goals[:limit], half
+
+
+def _centres(
+    space: FreeSpace, chosen: NDArray[np.bool_], rng: np.random.Generator, limit: int
+) -> FloatArray:
+    rows, columns = np.nonzero(chosen)
+    order = rng.permutation(len(rows))[:limit]
+    return space.centre(rows[order], columns[order])
+
+
+def _region_at(space: FreeSpace, regions: NDArray[np.int32], x: float, y: float) -> int:
+    """Return the region of a point, or of the nearest free cell within 0.3 m, else 0."""
+    cell = space.cell(x, y)
+    if cell is None:
+        return 0
+    if regions[cell]:
+        return int(regions[cell])
+    rows, columns = np.nonzero(space.free)
+    distance = np.linalg.norm(space.centre(rows, columns) - np.array([x, y]), axis=1)
+    if len(distance) == 0 or distance.min() > 0.3:
+        return 0
+    nearest = int(distance.argmin())
+    return int(regions[rows[nearest], columns[nearest]])
+
+
+def build_pool(worlds: Sequence[World], radius: float, seed: int = 0) -> WorldPool:
+    """Pack worlds for a robot that needs a disc of ``radius`` [m] to pass.
+
+    Raises:
+        InputError: a world has no start from which a goal can be reached.
+    """
+    limit = max(MAX_PLACES // max(len(worlds), 1), 64)
+    places = [
+        find_places(world, radius, np.random.default_rng([seed, index]), limit)
+        for index, world in enumerate(worlds)
+    ]
+    return WorldPool(tuple(worlds), _pack(worlds, places), radius)
+
+
+def generate_pool(
+    generator: Callable[[np.random.Generator], World], seeds: Iterable[int], radius: float
+) -> WorldPool:
+    """Generate one world a seed and pack them; a draw that nobody can cross is drawn again.
+
+    Raises:
+        InputError: a seed gave no usable world in many attempts.
+    """
+    seeds = list(seeds)
+    limit = max(MAX_PLACES // max(len(seeds), 1), 64)
+    drawn = [_generate(generator, seed, radius, limit) for seed in seeds]
+    worlds = [world for world, _ in drawn]
+    return WorldPool(tuple(worlds), _pack(worlds, [places for _, places in drawn]), radius)
+
+
+def _generate(
+    generator: Callable[[np.random.Generator], World], seed: int, radius: float, limit: int
+) -> tuple[World, Places]:
+    problem: InputError | None = None
+    for attempt in range(MAX_ATTEMPTS):
+        world = generator(np.random.default_rng([seed, attempt]))
+        try:
+            return world, find_places(world, radius, np.random.default_rng([seed]), limit)
+        except InputError as error:
+            problem = error
+    raise InputError(f"world seed {seed}: nothing usable in {MAX_ATTEMPTS} draws: {problem}")
+
+
+def _pack(worlds: Sequence[World], places: Sequence[Places]) -> WorldArrays:
+    discs, disc_begin = _stack([world.discs for world in worlds])
+    segments, segment_begin = _stack([world.all_segments for world in worlds])
+    starts, start_begin = _stack([p.starts for p in places])
+    goals, goal_begin = _stack([p.goals for p in places])
+    grids = [world.grid for world in worlds]
+    empty = np.zeros((0,), dtype=np.uint8)
+    cells, grid_begin = _stack([g.occupied.ravel() if g else empty for g in grids])
+    distance, _ = _stack(
+        [distance_to_occupied(g).ravel() if g else empty.astype(np.float32) for g in grids]
+    )
+    frames = [
+        (*g.origin, g.resolution, *g.occupied.shape[::-1]) if g else (0.0,) * 5 for g in grids
+    ]
+    return WorldArrays(
+        discs=discs,
+        disc_begin=disc_begin,
+        segments=segments,
+        segment_begin=segment_begin,
+        grid_cells=cells,
+        grid_distance=distance,
+        grid_begin=grid_begin,
+        grid_frame=np.array(frames, dtype=np.float64).reshape(len(worlds), 5),
+        starts=starts,
+        start_begin=start_begin,
+        start_yaw=np.array([p.start_yaw for p in places]),
+        goals=goals,
+        goal_begin=goal_begin,
+        jitter=np.array([p.jitter for p in places]),
+        cumulative_weight=np.arange(1, len(worlds) + 1) / len(worlds),
+    )
+
+
+def _stack(rows: Sequence[NDArray]) -> tuple[NDArray, IntArray]:
+    """Lay arrays end to end; return them and where each one begins, shape (num_arrays + 1,)."""
+    begin = np.zeros(len(rows) + 1, dtype=np.int64)
+    begin[1:] = np.cumsum([len(r) for r in rows])
+    return np.ascontiguousarray(np.concatenate(rows)), begin
