@@ -58,8 +58,10 @@ def to_yaml(data: Mapping[str, Any]) -> str:
     return yaml.safe_dump(dict(data), sort_keys=False, allow_unicode=True)
 
 
-def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
-    """Build ``model`` from plain data.
+def validate(
+    model: type[Model], data: Mapping[str, Any], source: str, *, inside: str = ""
+) -> Model:
+    """Build ``model`` from plain data, which stood at the key ``inside`` of ``source``.
 
     Raises:
         InputError: one line that names the source, the key, the value and what is allowed.
@@ -67,7 +69,7 @@ def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
     try:
         return model.model_validate(dict(data))
     except ValidationError as error:
-        raise InputError(f"{source}: {_first_problem(model, error)}") from error
+        raise InputError(f"{source}: {_first_problem(model, error, inside)}") from error
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -81,10 +83,11 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
     return merged
 
 
-def _first_problem(model: type[BaseModel], error: ValidationError) -> str:
+def _first_problem(model: type[BaseModel], error: ValidationError, inside: str) -> str:
     """Say in one line what is wrong with the first value that failed."""
     problem = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in problem["loc"]) or "the whole"
+    parts = [inside, *(str(part) for part in problem["loc"])]
+    key = ".".join(part for part in parts if part) or "the whole"
     message = problem["msg"].removeprefix("Value error, ")
     if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"{key}: unknown key; allowed here: {', '.join(_siblings(model, problem['loc']))}"

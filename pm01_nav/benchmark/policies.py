@@ -44,7 +44,7 @@ def _stored_task(folder: Path) -> TaskConfig:
     path = folder / "config.yaml"
     if not path.is_file():
         raise InputError(f"{folder}: is no run folder (it has no config.yaml)")
-    return validate(TaskConfig, read_yaml(path).get("task") or {}, f"{path}: task")
+    return validate(TaskConfig, read_yaml(path).get("task") or {}, str(path), inside="task")
 
 
 def _policy_file(name: str) -> Path:

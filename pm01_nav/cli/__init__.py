@@ -44,7 +44,7 @@ class Commands(click.Group):
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="pm01")
 def pm01() -> None:
-    r"""Train a wheeled robot with a 2D lidar to drive itself, measure it, take it to the robot.
+    """Train a wheeled robot with a 2D lidar to drive itself, measure it, take it to the robot.
 
     \b
     Start here:

@@ -29,8 +29,7 @@ def command(out: str, time_budget: float, episodes: int, seed: int) -> None:
     task = task_config("static")
     config = run_config(task, {"seed": seed, "time_budget": time_budget}, "demo")
     folder = RunFolder(out)
-    folder.create(config, force=True)
-    result = run_training(config, folder)
+    result = run_training(config, folder, force=True)
     if result.interrupted:
         return
     columns = _measure(folder, task, episodes)

@@ -45,7 +45,7 @@ class TrainingDisplay:
 
     def started(self, message: str) -> None:
         """Say how the run was set up."""
-        self._console.print(message, style="dim", highlight=False)
+        self._console.print(message, style="dim", highlight=False, soft_wrap=True)
         self._task = self._bar.add_task("training", total=1.0, rate="", success="")
 
     def iteration(self, fraction: float, row: dict[str, float], steps_per_second: float) -> None:
@@ -66,6 +66,7 @@ class TrainingDisplay:
             f"{steps:>12,} steps: held-out worlds: success {rates[0]:.1f} %, "
             f"collision {rates[1]:.1f} %, timeout {rates[2]:.1f} %",
             highlight=False,
+            soft_wrap=True,
         )
 
 

@@ -23,7 +23,7 @@ from pm01_nav.cli.options import task_from_options, task_options
 )
 @click.option("--json", "json_file", metavar="FILE", help="Write the figures; - for stdout.")
 def command(policy: str, episodes: int, seed: int, json_file: str | None, **options: Any) -> None:
-    r"""Measure POLICY: a policy.onnx, a run's folder, or a planner's name (goal_seeking).
+    """Measure POLICY: a policy.onnx, a run's folder, or a planner's name (goal_seeking).
 
     Rates come with Wilson 95 % intervals. Without --task a policy is measured on the task it was
     trained on. BARN (Perille et al. 2020): unpack the dataset, then

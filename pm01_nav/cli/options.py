@@ -107,7 +107,7 @@ def task_from_options(
     for key, value in (("map", map_), ("worlds", worlds), ("robot", robot)):
         if value is not None:
             data[key] = value
-    return validate(TaskConfig, data, config_file or f"task {name}")
+    return validate(TaskConfig, data, config_file or "configuration", inside="task")
 
 
 def _only_sections(settings: dict[str, Any], source: str) -> None:

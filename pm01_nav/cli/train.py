@@ -31,7 +31,7 @@ DEFAULT_TIME_BUDGET = 60.0
 @click.option("--force", is_flag=True, help="Replace a run that is already in --out.")
 @click.option("--resume", metavar="DIR", help="Go on with a run as if it had never stopped.")
 def command(**options: Any) -> None:
-    r"""Train a policy and export it as policy.onnx.
+    """Train a policy and export it as policy.onnx.
 
     The folder of the run holds config.yaml (the effective configuration), last.pt and best.pt
     (checkpoints), history.json, tensorboard/ and policy.onnx. Ctrl-C saves and leaves; --resume
@@ -46,24 +46,31 @@ def command(**options: Any) -> None:
       pm01 train --resume runs/x --time-budget 120
     """
     from pm01_nav.errors import InputError
+    from pm01_nav.train.run_folder import RunFolder
 
     resume, out = options.pop("resume"), options.pop("out")
+    force = options.pop("force")
     if resume:
-        folder, config = _resumed(resume, out, options)
+        if out or force:
+            raise InputError("--resume goes on in its own folder; leave --out and --force away")
+        config = _resumed(resume, options)
     else:
         if not out:
             raise InputError("out: give --out DIR, the folder of the run")
-        folder, config = _fresh(out, options)
-    run_training(config, folder, resume=bool(resume))
+        config = _fresh(options)
+    folder = RunFolder(resume or out)
+    run_training(config, folder, resume=bool(resume), force=force)
 
 
-def run_training(config: RunConfig, folder: Any, *, resume: bool = False) -> Any:
+def run_training(
+    config: RunConfig, folder: Any, *, resume: bool = False, force: bool = False
+) -> Any:
     """Train with a progress display; say what came of it."""
     from pm01_nav.cli.display import TrainingDisplay
     from pm01_nav.train.trainer import train
 
     with TrainingDisplay() as display:
-        result = train(config, folder, display, started_at=STARTED_AT, resume=resume)
+        result = train(config, folder, display, started_at=STARTED_AT, resume=resume, force=force)
     ended = "interrupted" if result.interrupted else "done"
     click.echo(f"{ended}: {result.steps:,} steps in {result.seconds:.0f} s")
     if result.best_steps:
@@ -90,31 +97,23 @@ def run_config(task: Any, train_settings: dict[str, Any], source: str) -> RunCon
     return validate(RunConfig, {"task": task.model_dump(), "train": settings}, source)
 
 
-def _fresh(out: str, options: dict[str, Any]) -> tuple[Any, RunConfig]:
+def _fresh(options: dict[str, Any]) -> RunConfig:
     from pm01_nav.config import merge, read_yaml
-    from pm01_nav.train.run_folder import RunFolder
 
-    force = options.pop("force")
     flags = {k: options.pop(k) for k in ("algo", "seed", "time_budget", "steps")}
     task = task_from_options(None, **options)
     from_file = read_yaml(options["config_file"]) if options["config_file"] else {}
     settings = merge(from_file, parse_changes(options["changes"])).get("train") or {}
     settings = merge(settings, {k: v for k, v in flags.items() if v is not None})
-    config = run_config(task, settings, options["config_file"] or "train")
-    folder = RunFolder(out)
-    folder.create(config, force=force)
-    return folder, config
+    return run_config(task, settings, options["config_file"] or "configuration")
 
 
-def _resumed(resume: str, out: str | None, options: dict[str, Any]) -> tuple[Any, RunConfig]:
-    from pm01_nav.config import merge, to_yaml, write_atomically
+def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
+    from pm01_nav.config import merge
     from pm01_nav.errors import InputError
     from pm01_nav.train.run_folder import RunFolder
 
-    if out or options.pop("force"):
-        raise InputError("--resume goes on in its own folder; leave --out and --force away")
-    folder = RunFolder(resume)
-    stored = folder.load_config()
+    stored = RunFolder(resume).load_config()
     flags = {k: options.pop(k) for k in ("algo", "seed", "time_budget", "steps")}
     if flags["seed"] not in (None, stored.train.seed):
         raise InputError(f"seed: {resume} was made with seed {stored.train.seed}; it stays so")
@@ -128,6 +127,4 @@ def _resumed(resume: str, out: str | None, options: dict[str, Any]) -> tuple[Any
     if flags["steps"] or flags["time_budget"]:
         settings |= {"steps": flags["steps"], "time_budget": flags["time_budget"]}
     settings = merge(settings, parse_changes(options["changes"]).get("train") or {})
-    config = run_config(stored.task, settings, f"--resume {resume}")
-    write_atomically(folder.config, to_yaml(config.model_dump(mode="json")))
-    return folder, config
+    return run_config(stored.task, settings, f"--resume {resume}")

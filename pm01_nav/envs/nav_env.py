@@ -48,7 +48,8 @@ degrees, the first one behind | -1 | 1 | 1 |
 
     ## Rewards
     A table of named, weighted terms (``TaskConfig.rewards``): +100 at the goal, -50 for a
-    collision, 10 per metre of progress, -0.05 a step, -0.01 |w|, -0.005 |v|. ``info["rewards"]``
+    collision, 10 per metre of progress, -0.05 a step, -0.01 |w|, -0.005 |v|. v1 takes 100 for a
+    collision, and up to 0.5 a step for driving within 0.15 m of an obstacle. ``info["rewards"]``
     holds each term of the step.
 
     ## Starting state

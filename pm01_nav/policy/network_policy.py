@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.errors import InputError
-from pm01_nav.task.observation import ObservationLayout, build_observation
+from pm01_nav.task.observation import ObservationLayout, build_observation, discard_invalid
 
 Network = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """Observations in physical units (n, size) -> commands (n, 2) [m/s, rad/s]."""
@@ -47,6 +47,7 @@ class NetworkPolicy:
         velocity = _finite_pair(velocity, "velocity")
         if self._previous is None or self._previous.shape != goal.shape:
             self._previous = np.zeros_like(goal)
+        ranges = discard_invalid(ranges, self.layout.scan)
         observation = build_observation(self.layout, ranges, polar, velocity, self._previous)
         batch = observation.reshape(-1, self.layout.size)
         command = self._network(batch).astype(np.float64).reshape(goal.shape)

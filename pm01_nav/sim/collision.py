@@ -81,7 +81,7 @@ def segment_to_polygon(x1, y1, x2, y2, base):
 def clearance(x, y, cos, sin, base, worlds, w):
     """Return the distance from the footprint to the nearest obstacle of world w [m].
 
-    ``cos``, ``sin``: the pose's heading. Zero or negative in contact; 1e9 where there is no obstacle at all.
+    ``cos``, ``sin`` are the pose's heading. Zero or negative in contact; 1e9 where nothing stands.
     """
     best = 1e9
     circle = base.vertices.shape[0] == 0

@@ -41,10 +41,12 @@ def arc(x, y, cos, sin, v, w, dt):
     """
     a = 0.5 * w * dt
     if abs(a) < 0.1:
-        # Taylor series: the next term is below 1e-17.
+        # Taylor series: the next term is below 1e-17. (Products are several times faster here.)
         q = a * a
-        sin_over_a = 1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0)))
-        cos_a = 1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0)))
+        sin_over_a = 1.0 - q * (1 / 6) * (
+            1.0 - q * (1 / 20) * (1.0 - q * (1 / 42) * (1.0 - q * (1 / 72)))
+        )
+        cos_a = 1.0 - q * 0.5 * (1.0 - q * (1 / 12) * (1.0 - q * (1 / 30) * (1.0 - q * (1 / 56))))
         sin_a = a * sin_over_a
     else:
         sin_a, cos_a = np.sin(a), np.cos(a)

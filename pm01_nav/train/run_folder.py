@@ -26,30 +26,42 @@ class RunFolder:
         self.plot = self.path / "training.png"
         self.tensorboard = self.path / "tensorboard"
 
-    def create(self, config: RunConfig, *, force: bool = False) -> None:
-        """Make the folder and store the effective configuration in it.
+    def check_free(self, *, force: bool = False) -> None:
+        """Make sure that a new run may be written here; ``force`` allows a former run to go.
 
         Raises:
-            InputError: it exists and is not empty (unless ``force``, which clears a former run),
-                or it is no folder.
+            InputError: something else is in the way.
         """
-        if self.path.exists():
-            if not self.path.is_dir():
-                raise InputError(f"out = {self.path}: exists and is not a folder")
-            if any(self.path.iterdir()):
-                self._clear(force)
+        if not self.path.exists():
+            return
+        if not self.path.is_dir():
+            raise InputError(f"out = {self.path}: exists and is not a folder")
+        if any(self.path.iterdir()):
+            if not force:
+                raise InputError(f"out = {self.path}: exists and is not empty; --force replaces it")
+            if not self.config.exists():
+                raise InputError(
+                    f"out = {self.path}: is not empty and no run; --force leaves it alone"
+                )
+
+    def create(self, config: RunConfig, *, force: bool = False) -> None:
+        """Make the folder, without what a former run left, and store the configuration in it.
+
+        Raises:
+            InputError: something else is in the way, or the folder cannot be made.
+        """
+        self.check_free(force=force)
         try:
-            self.path.mkdir(parents=True, exist_ok=True)
+            if self.path.exists():
+                shutil.rmtree(self.path)
+            self.path.mkdir(parents=True)
         except OSError as error:
             raise InputError(f"out = {self.path}: cannot be made: {error.strerror}") from error
-        write_atomically(self.config, to_yaml(config.model_dump(mode="json")))
+        self.store(config)
 
-    def _clear(self, force: bool) -> None:
-        if not force:
-            raise InputError(f"out = {self.path}: exists and is not empty; --force replaces it")
-        if not self.config.exists():
-            raise InputError(f"out = {self.path}: is not empty and no run; --force leaves it alone")
-        shutil.rmtree(self.path)
+    def store(self, config: RunConfig) -> None:
+        """Write the effective configuration."""
+        write_atomically(self.config, to_yaml(config.model_dump(mode="json")))
 
     def load_config(self) -> RunConfig:
         """Read the stored configuration.

@@ -20,6 +20,7 @@ from stable_baselines3.common.logger import Logger, configure
 from pm01_nav.benchmark.evaluate import Evaluator
 from pm01_nav.config import write_atomically
 from pm01_nav.envs.sb3_vec_env import NavVecEnv
+from pm01_nav.errors import InputError
 from pm01_nav.policy.export import export_policy, greedy_policy, policy_metadata
 from pm01_nav.provenance import provenance
 from pm01_nav.task.config import observation_layout
@@ -194,8 +195,9 @@ def train(
     *,
     started_at: float,
     resume: bool = False,
+    force: bool = False,
 ) -> TrainResult:
-    """Train into ``folder``, which exists; export its best policy at the end.
+    """Train into ``folder`` and export its best policy at the end.
 
     Ctrl-C ends the run after the iteration under way, with everything saved; pressed twice, at
     once. With ``resume`` the last checkpoint is the beginning.
@@ -204,12 +206,19 @@ def train(
         InputError: worlds, robot or checkpoint are unusable.
     """
     keep_freed_memory()
+    if not resume:
+        folder.check_free(force=force)
     data = load_checkpoint(folder.last) if resume else None
+    task = config.task
+    pool = world_pool(task, "train", task.num_worlds, config.train.seed)
+    # Only now that nothing can be wrong any more a former run may be replaced.
+    if resume:
+        folder.store(config)
+    else:
+        folder.create(config, force=force)
     threads = choose_threads(
         config.train.threads, config.train.ppo.batch_size, config.train.ppo.net_arch
     )
-    task = config.task
-    pool = world_pool(task, "train", task.num_worlds, config.train.seed)
     batch = NavigationBatch(task, pool, config.train.ppo.n_envs)
     env = NavVecEnv(batch, seed=config.train.seed << 32, reward_scale=config.train.ppo.reward_scale)
     budget = Budget(config, started_at, data["extra"]["seconds"] if data else 0.0)
@@ -222,12 +231,19 @@ def train(
         env.reset()
         restore(data, folder.last, model, batch)
         supervision.load_state(data["extra"])
+        budget.steps_done = model.num_timesteps
+        if budget.fraction() >= 1.0:
+            raise InputError(
+                f"{folder.path}: is finished ({budget.steps_done:,} steps, "
+                f"{budget.seconds:.0f} s); to go on give --steps or --time-budget, counted from "
+                "the run's beginning"
+            )
     progress.started(f"learner threads: {threads.threads} ({threads.reason})")
     with _stop_on_interrupt(supervision.interrupted.set):
         model.learn(2**62, callback=supervision, reset_num_timesteps=data is None)
     export_best(folder, config)
     return TrainResult(
-        steps=model.num_timesteps,
+        steps=budget.steps_done,
         seconds=budget.seconds,
         interrupted=supervision.interrupted.is_set(),
         best_success_rate=supervision.best["success_rate"],
