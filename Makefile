@@ -50,10 +50,11 @@ $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10) and "Python 3.10 or later is needed")'
 	$(PYTHON) -m venv $(VENV)
 
-# torch comes first and by itself, so that TORCH_INDEX decides for it alone.
+# torch comes first and by itself, so that TORCH_INDEX decides for it alone; what it needs comes
+# with the next step.
 $(VENV)/.torch: constraints.txt | $(VENV)/bin/python
 	@echo "installing torch (once; a large download)"
-	$(BIN)/pip install $(PIP_FLAGS) $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) torch
+	$(BIN)/pip install $(PIP_FLAGS) $(if $(TORCH_INDEX),--no-deps --index-url $(TORCH_INDEX)) torch
 	@touch $@
 
 # The kernels are compiled at installation, so that the first training loses no time to it.

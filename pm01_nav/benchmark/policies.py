@@ -11,7 +11,6 @@ from pm01_nav.planners import PLANNERS
 from pm01_nav.policy import OnnxPolicy, Policy
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.config import TaskConfig
-from pm01_nav.task.tasks import TASKS, task_config
 
 
 def load_policy(name: str, robot: RobotSpec, control_dt: float) -> Policy:
@@ -37,7 +36,7 @@ def trained_task(name: str) -> TaskConfig | None:
     if Path(name).is_dir():
         return _stored_task(Path(name))
     task = OnnxPolicy(_policy_file(name)).metadata.get("task")
-    return task_config(task) if task in TASKS else None
+    return validate(TaskConfig, task, name, inside="task") if isinstance(task, dict) else None
 
 
 def _stored_task(folder: Path) -> TaskConfig:

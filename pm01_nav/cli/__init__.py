@@ -48,7 +48,7 @@ def pm01() -> None:
 
     \b
     Start here:
-      pm01 demo                                     a policy in a minute, measured and filmed
+      pm01 demo    a policy in a minute, measured and filmed
       pm01 train --task static --time-budget 60 --out runs/x
       pm01 evaluate runs/x --episodes 1000
       pm01 replay runs/x -o replay.mp4

@@ -50,7 +50,7 @@ def command(policy: str, episodes: int, seed: int, json_file: str | None, **opti
         return
     if json_file:
         write_atomically(json_file, text + "\n")
-    title = f"{task.name}: {episodes} episodes on held-out worlds, seed {seed}"
+    title = f"{task.name}: {episodes} episodes, seed {seed}"
     Console().print(results_table({policy: summary}, title))
     if "barn_evaluated_in" in summary:
         click.echo(f"BARN scores: {summary['barn_evaluated_in']}")

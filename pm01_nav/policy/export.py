@@ -71,7 +71,7 @@ def policy_metadata(
         "control_dt": control_dt,
         "robot": robot.name,
         "lidar_mount": [robot.lidar.x, robot.lidar.y, robot.lidar.yaw],
-        "footprint": robot.footprint.model_dump(mode="json"),
+        "footprint_radius": robot.footprint.circumscribed_radius,
         **origin,
     }
 

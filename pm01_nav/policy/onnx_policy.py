@@ -41,11 +41,18 @@ class OnnxPolicy(NetworkPolicy):
 
     def _check_robot(self, robot: RobotSpec) -> None:
         lidar, limits, mine = robot.lidar, robot.limits, self.layout
+        mount = self.metadata.get("lidar_mount", [0.0, 0.0, 0.0])
+        radius = self.metadata.get("footprint_radius", 0.0)
         pairs = [
             ("lidar.num_beams", mine.scan.num_beams, lidar.num_beams),
             ("lidar.angle_min", mine.scan.angle_min, lidar.angle_min),
             ("lidar.angle_increment", mine.scan.angle_increment, lidar.angle_increment),
-            ("lidar.x", self.metadata.get("lidar_mount", [0.0] * 3)[0], lidar.x),
+            ("lidar.range_min", mine.scan.range_min, lidar.range_min),
+            ("lidar.range_max", mine.scan.range_max, min(lidar.range_max, mine.scan.range_max)),
+            ("lidar.x", mount[0], lidar.x),
+            ("lidar.y", mount[1], lidar.y),
+            ("lidar.yaw", mount[2], lidar.yaw),
+            ("footprint's radius", radius, robot.footprint.circumscribed_radius),
             ("limits.linear_min", mine.limits.linear_min, limits.linear_min),
             ("limits.linear_max", mine.limits.linear_max, limits.linear_max),
             ("limits.angular_max", mine.limits.angular_max, limits.angular_max),

@@ -19,12 +19,12 @@ class ActionLimits:
     """To either side [rad/s]."""
 
     def to_command(self, action: Any) -> Any:
-        """Return (v, w) [m/s, rad/s] of actions (..., 2), which are clipped to [-1, 1] first."""
+        """Return (v, w) [m/s, rad/s] of actions (..., 2) in [-1, 1]."""
         xp = action.__array_namespace__()
-        action = xp.clip(action, -1.0, 1.0)
         half = 0.5 * (self.linear_max - self.linear_min)
-        linear = self.linear_min + half * (action[..., 0] + 1.0)
-        return xp.stack([linear, self.angular_max * action[..., 1]], axis=-1)
+        scale = xp.asarray([half, self.angular_max], dtype=action.dtype)
+        middle = xp.asarray([self.linear_min + half, 0.0], dtype=action.dtype)
+        return middle + scale * action
 
     def to_action(self, command: Any) -> Any:
         """Return the actions (..., 2) that stand for commands (..., 2) within the limits."""

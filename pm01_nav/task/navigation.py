@@ -76,8 +76,7 @@ class NavigationBatch:
         self._scale = np.array(self.layout.scale, dtype=np.float32)
         self._count = np.zeros(num_envs, dtype=np.int64)
         self._action = np.zeros((num_envs, 2))
-        self._return = np.zeros(num_envs)
-        self._terms = {name: np.zeros(num_envs) for name in config.rewards}
+        self._term_sums = np.zeros((len(config.rewards), num_envs))
 
     def reset(
         self, seeds: ArrayLike | None = None, worlds: NDArray[np.int64] | None = None
@@ -101,7 +100,9 @@ class NavigationBatch:
             sim.state.twist[indices],
             self._action[indices],
         )
-        return observation / self._scale if self.layout.normalize else observation
+        if self.layout.normalize:
+            observation /= self._scale
+        return observation
 
     def advance(self, command: NDArray[np.float64]) -> Step:
         """Apply commands (num_envs, 2) [m/s, rad/s] and judge the outcome; nothing is reset."""
@@ -127,18 +128,13 @@ class NavigationBatch:
 
     def step(self, action: NDArray[Any]) -> BatchStep:
         """Apply actions (num_envs, 2) in [-1, 1]; reset what ended."""
-        action = np.clip(action, -1.0, 1.0)
+        action = np.minimum(np.maximum(action, -1.0), 1.0)
         step = self.advance(self.layout.limits.to_command(action))
         step.action, step.previous_action = action, self._action
-        rewards = {
-            name: term.weight * REWARDS[name](step, **term.params)
-            for name, term in self.config.rewards.items()
-        }
-        reward = np.zeros(self.num_envs)
-        for name, value in rewards.items():
-            reward += value
-            self._terms[name] += value
-        self._return += reward
+        terms = np.empty_like(self._term_sums)
+        for row, (name, term) in zip(terms, self.config.rewards.items(), strict=True):
+            np.multiply(term.weight, REWARDS[name](step, **term.params), out=row)
+        self._term_sums += terms
         self._action = action
         terminated = step.reached | step.collided
         truncated = out_of_time(step, self.config) & ~terminated
@@ -150,7 +146,12 @@ class NavigationBatch:
             if self.autoreset:
                 self._begin(done, None)
                 observation[done] = self.observe(done)
-        return BatchStep(observation, reward, rewards, terminated, truncated, episodes)
+        return BatchStep(
+            observation, terms.sum(axis=0), self._named(terms), terminated, truncated, episodes
+        )
+
+    def _named(self, terms: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        return dict(zip(self.config.rewards, terms, strict=True))
 
     def _finish(
         self, step: Step, done: NDArray[np.int64], observation: NDArray[np.float32]
@@ -160,18 +161,16 @@ class NavigationBatch:
             success=step.reached[done],
             collision=step.collided[done],
             steps=self._count[done],
-            returns=self._return[done],
-            terms={name: total[done] for name, total in self._terms.items()},
+            returns=self._term_sums[:, done].sum(axis=0),
+            terms=self._named(self._term_sums[:, done]),
             final_observation=observation[done],
         )
 
     def _begin(self, indices: NDArray[np.int64], worlds: NDArray[np.int64] | None) -> None:
         self.simulator.reset(indices, worlds)
         self._count[indices] = 0
-        self._return[indices] = 0.0
         self._action[indices] = 0.0
-        for total in self._terms.values():
-            total[indices] = 0.0
+        self._term_sums[:, indices] = 0.0
 
     def state_dict(self) -> dict[str, NDArray[Any]]:
         """Return copies of every array that makes up the batch's state."""
@@ -193,5 +192,8 @@ class NavigationBatch:
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         arrays = dict(self.simulator.state._asdict())
-        arrays |= {"count": self._count, "action": self._action, "return": self._return}
-        return arrays | {f"terms/{name}": total for name, total in self._terms.items()}
+        return arrays | {
+            "count": self._count,
+            "action": self._action,
+            "term_sums": self._term_sums,
+        }

@@ -27,7 +27,7 @@ class PPOConfig(FrozenModel):
     learning_rate: Positive = 2e-3
     learning_rate_final: Fraction = 0.03
     """Part of the learning rate that is left at the end of the budget; it falls linearly."""
-    gamma: Fraction = 0.95
+    gamma: Fraction = 0.98
     gae_lambda: Fraction = 0.95
     clip_range: Positive = 0.2
     ent_coef: NonNegative = 0.0

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import deque
 from typing import Any
 
@@ -60,6 +61,14 @@ class History:
         for name, value in row.items():
             self.columns.setdefault(name, []).append(value)
 
+    def to_json(self) -> str:
+        """Return the columns as JSON; null where nothing was known yet."""
+        columns = {
+            name: [None if value != value else value for value in values]
+            for name, values in self.columns.items()
+        }
+        return json.dumps(columns)
+
     def state_dict(self) -> dict[str, Any]:
         """Return plain data to go on from."""
         return {"columns": self.columns, "recent": [list(pair) for pair in self._recent]}
@@ -71,7 +80,7 @@ class History:
 
     def _episode_means(self) -> dict[str, float]:
         if not self._episodes:
-            names = [n for n in self.columns if n == "return" or n.startswith("reward/")]
+            names = [n for n in self.columns if n in ("return", "length") or "/" in n]
             return {name: self.columns[name][-1] for name in names}
         terms = self._episodes[0].terms
         means = {

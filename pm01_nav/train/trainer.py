@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import threading
 import time
@@ -23,6 +22,7 @@ from pm01_nav.envs.sb3_vec_env import NavVecEnv
 from pm01_nav.errors import InputError
 from pm01_nav.policy.export import export_policy, greedy_policy, policy_metadata
 from pm01_nav.provenance import provenance
+from pm01_nav.sim.warm_up import warm_up
 from pm01_nav.task.config import observation_layout
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.worlds import world_pool
@@ -33,6 +33,8 @@ from pm01_nav.train.ppo import make_policy, make_ppo
 from pm01_nav.train.run_folder import RunFolder
 from pm01_nav.train.runtime import choose_threads, keep_freed_memory
 
+COMPILED_WITHIN_S = 3.0
+"""Loading compiled kernels takes less than this."""
 EVALUATION_SEED = 1_000_003
 """Worlds of the periodic evaluation; neither trained on nor those of `pm01 evaluate`."""
 
@@ -131,6 +133,7 @@ class Supervision(BaseCallback):
         spent = self.budget.fraction() >= 1.0
         if spent:
             self.evaluate()
+            self.logger.dump(self.num_timesteps)  # SB3 will not get to it any more
         self._finished = spent or self.interrupted.is_set()
         due = time.perf_counter() - self._saved_at >= self.config.train.checkpoint_every
         if due or self._finished:
@@ -166,7 +169,7 @@ class Supervision(BaseCallback):
     def save(self) -> None:
         """Write the last checkpoint and the history."""
         self._write(self.folder.last)
-        write_atomically(self.folder.history, json.dumps(self.history.columns))
+        write_atomically(self.folder.history, self.history.to_json())
         self._saved_at = time.perf_counter()
 
     def state(self) -> dict[str, Any]:
@@ -209,8 +212,12 @@ def train(
     if not resume:
         folder.check_free(force=force)
     data = load_checkpoint(folder.last) if resume else None
+    compiled = _compile()
     task = config.task
+    if task.suite == "barn":
+        raise InputError("task barn is for testing only; train on barn_like")
     pool = world_pool(task, "train", task.num_worlds, config.train.seed)
+    batch = NavigationBatch(task, pool, config.train.ppo.n_envs)
     # Only now that nothing can be wrong any more a former run may be replaced.
     if resume:
         folder.store(config)
@@ -219,9 +226,8 @@ def train(
     threads = choose_threads(
         config.train.threads, config.train.ppo.batch_size, config.train.ppo.net_arch
     )
-    batch = NavigationBatch(task, pool, config.train.ppo.n_envs)
     env = NavVecEnv(batch, seed=config.train.seed << 32, reward_scale=config.train.ppo.reward_scale)
-    budget = Budget(config, started_at, data["extra"]["seconds"] if data else 0.0)
+    budget = Budget(config, started_at + compiled, data["extra"]["seconds"] if data else 0.0)
     model = make_ppo(
         config.train.ppo, env, batch.layout, seed=config.train.seed, progress=budget.fraction
     )
@@ -238,6 +244,8 @@ def train(
                 f"{budget.seconds:.0f} s); to go on give --steps or --time-budget, counted from "
                 "the run's beginning"
             )
+    if compiled:
+        progress.started(f"compiled the simulator in {compiled:.0f} s, once; not counted")
     progress.started(f"learner threads: {threads.threads} ({threads.reason})")
     with _stop_on_interrupt(supervision.interrupted.set):
         model.learn(2**62, callback=supervision, reset_num_timesteps=data is None)
@@ -263,13 +271,21 @@ def export_best(folder: RunFolder, config: RunConfig, path: Any = None) -> None:
     policy = make_policy(config.train.ppo, layout)
     policy.load_state_dict(data["policy"])
     origin = {
-        "task": config.task.name,
+        "task": config.task.model_dump(mode="json", exclude={"map", "worlds"}),
         "training_steps": data["num_timesteps"],
         "seed": config.train.seed,
         **provenance(),
     }
     metadata = policy_metadata(layout, robot, config.task.control_dt, origin)
     export_policy(policy, layout, metadata, path or folder.policy)
+
+
+def _compile() -> float:
+    """Compile what is not compiled yet; return how long it took [s], 0 if it was there."""
+    began = time.perf_counter()
+    warm_up()
+    seconds = time.perf_counter() - began
+    return seconds if seconds > COMPILED_WITHIN_S else 0.0
 
 
 def _logger(folder: RunFolder) -> Logger:

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Evaluations: the same episodes for everybody, and answers that are checked."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pm01_nav.benchmark.evaluate import Evaluator
+from pm01_nav.envs.spaces import resolve_task
+from pm01_nav.errors import InputError
+from pm01_nav.planners import PLANNERS
+from pm01_nav.robot import full_circle
+from pm01_nav.task.config import TaskConfig
+
+FEW_BEAMS = {"robot_changes": {"lidar": full_circle(36)}}
+
+
+class Constant:
+    """Answer always the same."""
+
+    def __init__(self, v: float, w: float) -> None:
+        self.command = (v, w)
+        self.scans: list[NDArray[np.float32]] = []
+        self.goals: list[NDArray[np.float64]] = []
+
+    def reset(self) -> None:
+        """Forget nothing."""
+
+    def act(self, scan, goal, velocity) -> NDArray[np.float64]:
+        self.scans.append(np.array(scan))
+        self.goals.append(np.array(goal))
+        return np.tile(self.command, (len(goal), 1))
+
+
+class Answering(Constant):
+    """Answer with a given array."""
+
+    def __init__(self, answer) -> None:
+        super().__init__(0.0, 0.0)
+        self.answer = answer
+
+    def act(self, scan, goal, velocity):
+        return self.answer
+
+
+def task(name: str = "static", **changes) -> TaskConfig:
+    return resolve_task(name, FEW_BEAMS | changes)
+
+
+def first_sight(config: TaskConfig, episodes: int, seed: int) -> Constant:
+    """Return a policy that has seen the beginning of each episode."""
+    policy = Constant(0.0, 0.0)
+    Evaluator(config, episodes, seed).run(policy)
+    return policy
+
+
+def test_same_seed_same_episodes_other_seed_others() -> None:
+    config = task(time_limit_steps=2)
+    one, two, other = (first_sight(config, 6, seed) for seed in (0, 0, 1))
+    assert (one.scans[0] == two.scans[0]).all()
+    assert (one.goals[0] == two.goals[0]).all()
+    assert (one.goals[0] != other.goals[0]).any()
+
+
+def test_episode_is_the_same_whatever_their_number() -> None:
+    config = task(time_limit_steps=1)
+    few, more = (first_sight(config, count, 3) for count in (4, 9))
+    assert (few.scans[0] == more.scans[0][:4]).all()
+    assert (few.goals[0] == more.goals[0][:4]).all()
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="generate_pool() keeps MAX_PLACES / episodes places a world: beyond about 130 episodes "
+    "starts and goals of an episode depend on their number",
+)
+def test_episode_is_the_same_whatever_their_number_even_if_it_is_large() -> None:
+    config = task(time_limit_steps=1)
+    few, more = (first_sight(config, count, 3) for count in (2, 300))
+    assert (few.goals[0] == more.goals[0][:2]).all()
+
+
+def test_each_policy_meets_the_same_episodes() -> None:
+    evaluator = Evaluator(task(time_limit_steps=5), 4, 0)
+    one, two = Constant(0.5, 0.0), Constant(-0.2, 1.0)
+    evaluator.run(one)
+    evaluator.run(two)
+    assert (one.goals[0] == two.goals[0]).all()
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        np.full((4, 2), np.nan),
+        np.array([[0.0, 0.0]] * 3 + [[0.0, np.inf]]),
+        np.zeros((4, 3)),
+        np.zeros((3, 2)),
+        np.zeros(2),
+        0.0,
+    ],
+)
+def test_unusable_answer_is_refused(answer) -> None:
+    evaluator = Evaluator(task("empty", time_limit_steps=3), 4, 0)
+    with pytest.raises(InputError, match=r"commands must be finite and of shape \(4, 2\)"):
+        evaluator.run(Answering(answer))
+
+
+def test_goal_seeking_solves_the_empty_room() -> None:
+    config = task("empty")
+    summary = Evaluator(config, 32, 0).summary(PLANNERS["goal_seeking"](config.robot_spec()))
+    assert summary["success_rate"] >= 0.95
+    assert summary["episodes"] == 32
+    assert summary["success_rate"] + summary["collision_rate"] + summary["timeout_rate"] == 1.0
+    low, high = summary["success_rate_ci95"]
+    assert low <= summary["success_rate"] <= high
+    # Nearly straight ways: turning at the start costs a little.
+    assert 0.8 < summary["spl"] <= 1.0
+
+
+def test_scripted_drive_by_hand() -> None:
+    # The article's robot starts at (0, 0, 0), at rest. Straight on at 0.5 m/s it comes, if nothing
+    # stops it, 0.05 m further a step, less what it takes to get up to speed.
+    config = task("article", robot_changes={"lidar": full_circle(20)}, time_limit_steps=10)
+    results, seconds = Evaluator(config, 8, 0).run(Constant(0.5, 0.0))
+    free = ~(results.success | results.collision)
+    assert free.sum() >= 4
+    assert seconds > 0.0
+    assert (results.steps[free] == 10).all()
+    # At 2 m/s^2 and with a lag of 0.05 s the start costs 0.5 x (0.125 + 0.05) = 0.0875 m at most.
+    assert (results.path_length[free] <= 0.5).all()
+    assert (results.path_length[free] >= 0.5 - 0.0875).all()
+    # The first 0.1 m take 0.3 to 0.4 s, to the full step; the clock starts after it.
+    assert results.moving_time[free] == pytest.approx(0.65, abs=0.0501)
+
+
+def test_standing_still_is_a_timeout() -> None:
+    results, _ = Evaluator(task(time_limit_steps=7), 5, 0).run(Constant(0.0, 0.0))
+    assert not results.success.any()
+    assert not results.collision.any()
+    assert (results.steps == 7).all()
+    for name in ("path_length", "moving_time", "jerk"):
+        assert (getattr(results, name) == 0.0).all()
+    assert {len(getattr(results, f.name)) for f in fields(results)} == {5}
+
+
+def test_driving_blindly_collides() -> None:
+    results, _ = Evaluator(task("empty"), 8, 0).run(Constant(0.5, 0.0))
+    # Straight on in a closed room: a wall or, by luck, the goal.
+    assert (results.collision ^ results.success).all()
+    assert results.collision.sum() >= 6
+    assert (results.min_clearance[results.collision] <= 0.05 + 1e-9).all()
+
+
+def test_shortest_path_ends_at_the_goal_radius() -> None:
+    results, _ = Evaluator(task("empty", time_limit_steps=1), 6, 0).run(seen := Constant(0, 0))
+    straight = np.linalg.norm(seen.goals[0], axis=1)
+    assert results.shortest_path == pytest.approx(straight - 0.3, abs=1e-9)

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line as a user meets it: help, wrong input, and the way from training to film."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pm01_nav.cli import COMMANDS
+
+PM01 = str(Path(sys.executable).with_name("pm01"))
+SMALL = [
+    *("--set", "task.num_worlds=4"),
+    *("--set", "train.ppo={n_envs: 32, n_steps: 16, batch_size: 256}"),
+    *("--set", "train.eval_episodes=4"),
+]
+
+
+def pm01(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([PM01, *arguments], capture_output=True, text=True, cwd=cwd, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A run of two iterations, made by the command line."""
+    folder = tmp_path_factory.mktemp("cli") / "run"
+    done = pm01("train", "--task", "static", "--steps", "1024", "--out", str(folder), *SMALL)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS)])
+def test_help_explains(command):
+    done = pm01(*command, "--help")
+    assert done.returncode == 0
+    assert len(done.stdout.splitlines()) > 5
+
+
+def test_import_and_help_load_nothing_heavy():
+    code = (
+        "import sys; import pm01_nav; import pm01_nav.cli; "
+        "heavy = {'torch', 'numba', 'gymnasium', 'stable_baselines3', 'matplotlib', 'scipy'}; "
+        "sys.exit(', '.join(heavy & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+WRONG = {
+    "unknown task": (["train", "--task", "moon", "--out", "x"], "task = 'moon'.*static"),
+    "no out": (["train", "--task", "static"], "out: give --out"),
+    "no task": (["train", "--out", "x"], "task: give --task"),
+    "unknown key": (
+        ["train", "--task", "static", "--out", "x", "--set", "task.goal_raduis=1"],
+        "task.goal_raduis: unknown key; allowed here: .*goal_radius",
+    ),
+    "unknown section": (
+        ["train", "--task", "static", "--out", "x", "--set", "tusk.a=1"],
+        "tusk: unknown key; allowed here: task, train",
+    ),
+    "wrong type": (
+        ["train", "--task", "static", "--out", "x", "--set", "train.ppo.gamma=high"],
+        "train.ppo.gamma = 'high'",
+    ),
+    "negative": (["train", "--task", "static", "--out", "x", "--steps", "-4"], "steps = -4"),
+    "NaN": (
+        ["evaluate", "goal_seeking", "--task", "static", "--set", "task.goal_radius=.nan"],
+        "task.goal_radius = nan",
+    ),
+    "impossible limit": (
+        [
+            *("evaluate", "goal_seeking", "--task", "static"),
+            *("--set", "task.robot_changes.limits.linear_max=-1"),
+        ],
+        "limits.linear_max = -1",
+    ),
+    "unknown reward": (
+        ["evaluate", "goal_seeking", "--task", "static", "--set", "task.rewards.luck.weight=1"],
+        "rewards.luck: unknown; allowed: .*progress",
+    ),
+    "unknown algorithm": (
+        ["train", "--task", "static", "--out", "x", "--algo", "dqn"],
+        "algo = 'dqn'",
+    ),
+    "no map": (["train", "--task", "map", "--out", "x"], "map: .*--map"),
+    "missing map": (
+        ["train", "--task", "map", "--map", "no.yaml", "--out", "x"],
+        r"no\.yaml: cannot be read",
+    ),
+    "missing BARN": (
+        ["evaluate", "goal_seeking", "--task", "barn", "--worlds", "nowhere"],
+        "nowhere",
+    ),
+    "unknown policy": (["evaluate", "nobody", "--task", "static"], "policy = 'nobody'"),
+    "unknown robot": (
+        ["evaluate", "goal_seeking", "--task", "static", "--robot", "dalek"],
+        "robot = 'dalek'.*pm01",
+    ),
+    "no run to resume": (["train", "--resume", "nowhere"], "nowhere: is no run folder"),
+    "no run to export": (["export", "nowhere", "-o", "x.onnx"], "nowhere: is no run folder"),
+    "film of unknown kind": (
+        ["replay", "goal_seeking", "--task", "static", "-o", "x.avi"],
+        r"\.avi.*\.mp4",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG, ids=list(WRONG))
+def test_wrong_input_is_one_line_and_exit_code_2(case, tmp_path):
+    import re
+
+    arguments, expected = WRONG[case]
+    done = pm01(*arguments, cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("error: ")
+    assert re.search(expected, lines[0]), lines[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_config_file_and_flags_over_it(tmp_path):
+    (tmp_path / "my.yaml").write_text("task: {name: empty, goal_radius: 0.4}\n")
+    done = pm01(
+        "train", "--config", "my.yaml", "--steps", "512", "--out", "x", *SMALL, cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    stored = (tmp_path / "x" / "config.yaml").read_text()
+    assert "name: empty" in stored
+    assert "goal_radius: 0.4" in stored
+    assert "steps: 512" in stored
+
+
+def test_resume_with_another_task_is_refused(trained):
+    done = pm01("train", "--resume", str(trained), "--task", "empty")
+    assert done.returncode == 2
+    assert "another task (static" in done.stderr
+
+
+def test_folder_in_use_is_refused(trained):
+    done = pm01("train", "--task", "static", "--steps", "512", "--out", str(trained), *SMALL)
+    assert done.returncode == 2
+    assert "--force" in done.stderr
+
+
+def test_evaluate_writes_every_figure(trained):
+    done = pm01("evaluate", str(trained), "--episodes", "10", "--json", "-")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    for rate in ("success_rate", "collision_rate", "timeout_rate"):
+        low, high = summary[f"{rate}_ci95"]
+        assert 0.0 <= low <= summary[rate] <= high <= 1.0
+    names = {
+        *("episodes", "spl", "time_to_goal_s", "path_length_m", "min_clearance_m"),
+        *("mean_jerk", "steps_per_second", "git_revision", "versions", "machine", "command"),
+    }
+    assert names <= set(summary)
+    assert summary["episodes"] == 10
+
+
+def test_export_and_policy_that_does_not_fit(trained, tmp_path):
+    assert pm01("export", str(trained), "-o", "p.onnx", cwd=tmp_path).returncode == 0
+    assert pm01("evaluate", "p.onnx", "--episodes", "2", cwd=tmp_path).returncode == 0
+    done = pm01("evaluate", "p.onnx", "--task", "barn_like", "--episodes", "2", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "p.onnx: does not fit robot jackal: lidar.num_beams" in done.stderr
+
+
+def test_replay_writes_a_film(trained, tmp_path):
+    film = tmp_path / "film.mp4"
+    changes = ["--set", "task.time_limit_steps=5"]
+    done = pm01("replay", str(trained), "--episodes", "2", "-o", str(film), *changes)
+    assert done.returncode == 0, done.stderr
+    assert film.stat().st_size > 1000

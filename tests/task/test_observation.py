@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The observation contract: every part at values worked out by hand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pm01_nav.envs.spaces import observation_space
+from pm01_nav.errors import InputError
+from pm01_nav.task.action import ActionLimits
+from pm01_nav.task.config import observation_layout
+from pm01_nav.task.observation import (
+    ObservationLayout,
+    ScanGeometry,
+    build_observation,
+    discard_invalid,
+    pool_sectors,
+)
+from pm01_nav.task.tasks import TASKS, task_config
+
+INF, NAN = np.inf, np.nan
+GEOMETRY = ScanGeometry(
+    num_beams=6, angle_min=-np.pi, angle_increment=np.pi / 3, range_min=0.1, range_max=3.5
+)
+LIMITS = ActionLimits(linear_min=-0.2, linear_max=0.5, angular_max=1.5)
+PLAIN = ObservationLayout(
+    GEOMETRY, LIMITS, nearness_distance=0.0, goal="polar", previous_action=False
+)
+RICH = ObservationLayout(GEOMETRY, LIMITS, sectors=3, nearness_distance=0.3)
+SCAN = np.array([0.5, 1.0, INF, 3.5, -INF, 2.0], dtype=np.float32)
+EXACT = {"abs": 1e-6}
+"""Observations are float32: numbers up to 10 are rounded to 5e-7."""
+
+
+def build(layout: ObservationLayout, scan=SCAN, goal=(2.0, 0.5), velocity=(0.1, -0.4)):
+    goal, velocity = np.array(goal), np.array(velocity)
+    return build_observation(layout, scan, goal, velocity, np.array([0.25, -1.0]))
+
+
+def test_plain_layout() -> None:
+    # No return reads range_max, too close reads range_min; the rest stands as it is.
+    expected = [0.5, 1.0, 3.5, 3.5, 0.1, 2.0, 2.0, 0.5, 0.1, -0.4]
+    observation = build(PLAIN)
+    assert observation.dtype == np.float32
+    assert observation == pytest.approx(expected, **EXACT)
+
+
+def test_rich_layout() -> None:
+    # Sectors of two beams: nearest 0.5, 3.5, and too close = 0.1; (0.3 - r) / (0.3 + r) is
+    # -0.2 / 0.8, -3.2 / 3.8 and 0.2 / 0.4.
+    expected = [-0.25, -0.8421053, 0.5, 2.0, np.sin(0.5), np.cos(0.5), 0.1, -0.4, 0.25, -1.0]
+    assert build(RICH) == pytest.approx(expected, **EXACT)
+
+
+def test_parts_and_sizes_agree() -> None:
+    names = [(part.name, part.size) for part in RICH.parts]
+    assert names == [
+        ("scan_nearness", 3),
+        ("goal_distance", 1),
+        ("goal_sin_cos", 2),
+        ("linear_velocity", 1),
+        ("angular_velocity", 1),
+        ("previous_action", 2),
+    ]
+    assert [(p.name, p.size) for p in PLAIN.parts][:3] == [
+        ("scan", 6),
+        ("goal_distance", 1),
+        ("goal_bearing", 1),
+    ]
+    for layout, size in ((PLAIN, 10), (RICH, 10)):
+        assert layout.size == len(layout.scale) == len(layout.bounds[0]) == size
+        assert build(layout).shape == (size,)
+
+
+def test_values_beyond_the_limits_are_clipped() -> None:
+    observation = build(PLAIN, goal=(25.0, -3.0), velocity=(0.7, -2.0))
+    assert observation[6:] == pytest.approx([10.0, -3.0, 0.5, -1.5], **EXACT)
+    observation = build(PLAIN, goal=(0.0, 3.0), velocity=(-0.7, 2.0))
+    assert observation[6:] == pytest.approx([0.0, 3.0, -0.2, 1.5], **EXACT)
+
+
+def test_range_shown_may_be_shorter_than_the_lidars() -> None:
+    layout = replace(PLAIN, scan=replace(GEOMETRY, range_max=1.5))
+    assert build(layout)[:6] == pytest.approx([0.5, 1.0, 1.5, 1.5, 0.1, 1.5], **EXACT)
+
+
+def test_leading_dimensions() -> None:
+    scans = np.stack([SCAN, SCAN[::-1], SCAN + 1, SCAN * 0.5, SCAN, SCAN]).reshape(2, 3, 6)
+    goals = np.random.default_rng(0).uniform(0.0, 3.0, (2, 3, 2))
+    rest = np.zeros((2, 3, 2))
+    together = build_observation(RICH, scans, goals, rest, rest)
+    assert together.shape == (2, 3, 10)
+    for index in np.ndindex(2, 3):
+        alone = build_observation(RICH, scans[index], goals[index], rest[index], rest[index])
+        assert (together[index] == alone).all()
+
+
+def test_invalid_ranges_say_nothing() -> None:
+    # REP-117: NaN is invalid. LaserScan: finite ranges below range_min are to be discarded.
+    scan = np.array([NAN, 0.05, 0.0, -INF, INF, 0.2], dtype=np.float32)
+    assert discard_invalid(scan, GEOMETRY).tolist() == pytest.approx(
+        [INF, INF, INF, -INF, INF, 0.2]
+    )
+    assert scan[1] == np.float32(0.05)  # The argument is left as it was.
+
+
+def test_an_invalid_range_hides_no_nearer_return() -> None:
+    scan = discard_invalid(np.array([NAN, 0.7, 0.01, 0.9, INF, NAN], dtype=np.float32), GEOMETRY)
+    layout = replace(RICH, nearness_distance=0.0)
+    assert build(layout, scan)[:3] == pytest.approx([0.7, 0.9, 3.5], **EXACT)
+
+
+def test_range_at_range_min_is_valid_in_float32() -> None:
+    # float32(0.12) is below the float64 0.12, but it is what a driver sends for it.
+    geometry = replace(GEOMETRY, range_min=0.12)
+    scan = np.full(6, 0.12, dtype=np.float32)
+    assert (discard_invalid(scan, geometry) == scan).all()
+
+
+def test_pool_sectors_takes_the_nearest() -> None:
+    ranges = np.array([[3.0, 1.0, 2.0, 5.0, 4.0, 6.0], [1.0, 9.0, 9.0, 9.0, 9.0, 2.0]])
+    assert pool_sectors(ranges, 2).tolist() == [[1.0, 4.0], [1.0, 2.0]]
+    assert pool_sectors(ranges, 6).tolist() == ranges.tolist()
+    assert pool_sectors(ranges, 1).tolist() == [[1.0], [1.0]]
+
+
+@pytest.mark.parametrize("sectors", [4, 7, -1, 12])
+def test_unequal_sectors_are_refused(sectors: int) -> None:
+    with pytest.raises(InputError, match="must divide the number of beams, 6"):
+        replace(RICH, sectors=sectors)
+
+
+@pytest.mark.parametrize("layout", [PLAIN, RICH])
+def test_layout_survives_json(layout: ObservationLayout) -> None:
+    assert ObservationLayout.from_dict(json.loads(json.dumps(layout.to_dict()))) == layout
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"colour": 1}, "observation.colour: unknown key"),
+        ({"scan": {"num_beams": 3}}, "observation layout"),
+        ({"scan": GEOMETRY.__dict__ | {"fov": 1}}, "observation layout"),
+        ({"limits": {}}, "observation layout"),
+        ({"limits": None}, "observation layout"),
+        ({"sectors": 5}, "sectors"),
+    ],
+)
+def test_foreign_metadata_is_refused(change, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        ObservationLayout.from_dict(RICH.to_dict() | change)
+
+
+def test_missing_metadata_is_refused() -> None:
+    data = RICH.to_dict()
+    del data["scan"]
+    with pytest.raises(InputError, match="scan"):
+        ObservationLayout.from_dict(data)
+
+
+@pytest.mark.parametrize("layout", [PLAIN, RICH, replace(PLAIN, normalize=False)])
+def test_bounds_hold_and_are_reached(layout: ObservationLayout) -> None:
+    rng = np.random.default_rng(0)
+    n = 500
+    scan = rng.choice([-INF, 0.1, 0.3, 3.5, INF], (n, 6)).astype(np.float32)
+    goal = np.column_stack([rng.choice([0.0, 10.0, 99.0], n), rng.choice([-np.pi, 0, np.pi], n)])
+    velocity = np.column_stack([rng.choice([-9.0, 9.0], n), rng.choice([-9.0, 9.0], n)])
+    observation = build_observation(layout, scan, goal, velocity, rng.choice([-1.0, 1.0], (n, 2)))
+    if layout.normalize:
+        observation = observation / np.array(layout.scale, dtype=np.float32)
+    low, high = (np.array(bound, dtype=np.float32) for bound in layout.bounds)
+    assert ((observation >= low) & (observation <= high)).all()
+    # Each part but the scan, whose least value is range_min and not 0, fills its bounds.
+    rest = slice(layout.parts[0].size, None)
+    if layout.goal == "polar":
+        assert observation.min(axis=0)[rest] == pytest.approx(low[rest], **EXACT)
+        assert observation.max(axis=0)[rest] == pytest.approx(high[rest], **EXACT)
+
+
+def test_normalised_bounds_by_hand() -> None:
+    low, high = PLAIN.bounds
+    # 6 ranges in [0, 3.5] / 3.5, distance / 10, bearing / pi, v in [-0.2, 0.5] / 0.5, w / 1.5.
+    assert low == pytest.approx([0.0] * 7 + [-1.0, -0.4, -1.0])
+    assert high == pytest.approx([1.0] * 10)
+    low, high = replace(PLAIN, normalize=False).bounds
+    assert low == pytest.approx([0.0] * 7 + [-np.pi, -0.2, -1.5])
+    assert high == pytest.approx([3.5] * 6 + [10.0, np.pi, 0.5, 1.5])
+
+
+def test_article_has_24_numbers() -> None:
+    config = task_config("article")
+    layout = observation_layout(config, config.robot_spec())
+    assert [(p.name, p.size) for p in layout.parts] == [
+        ("scan", 20),
+        ("goal_distance", 1),
+        ("goal_bearing", 1),
+        ("linear_velocity", 1),
+        ("angular_velocity", 1),
+    ]
+    space = observation_space(layout)
+    assert space.low == pytest.approx([0.0] * 21 + [-np.pi, -0.2, -1.5])
+    assert space.high == pytest.approx([3.5] * 20 + [10.0, np.pi, 0.5, 1.5])
+
+
+@pytest.mark.parametrize("name", sorted(TASKS))
+def test_layout_of_every_task(name: str) -> None:
+    config = task_config(name)
+    layout = observation_layout(config, config.robot_spec())
+    assert layout.size == sum(part.size for part in layout.parts)
+    space = observation_space(layout)
+    assert space.shape == (layout.size,)
+    assert space.dtype == np.float32
+    assert (space.low < space.high).all()

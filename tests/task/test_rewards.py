@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each reward term at points worked out by hand, and their sum."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pm01_nav.robot import full_circle
+from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.rewards import REWARDS
+from pm01_nav.task.step import Step
+from pm01_nav.task.tasks import task_config
+from pm01_nav.task.worlds import world_pool
+
+
+def step(**values: Any) -> Step:
+    """Return a step in which nothing happens but ``values``, each given as a list of rows."""
+    fields: dict[str, Any] = dict.fromkeys(
+        ("pose", "twist", "command", "scan", "clearance", "contact", "count"), None
+    )
+    fields |= {"goal_distance": [1.0], "goal_bearing": [0.0], "previous_goal_distance": [1.0]}
+    fields |= values
+    rows = {name: None if v is None else np.array(v) for name, v in fields.items()}
+    return Step(xp=np, **rows)
+
+
+@pytest.mark.parametrize(
+    ("term", "values", "params", "expected"),
+    [
+        ("goal", {"reached": [True, False]}, {}, [1, 0]),
+        ("collision", {"collided": [True, False]}, {}, [1, 0]),
+        (
+            "progress",
+            {"previous_goal_distance": [3.0, 3.0, 3.0], "goal_distance": [2.96, 3.0, 3.02]},
+            {},
+            [0.04, 0.0, -0.02],
+        ),
+        ("time", {"goal_distance": [0.0, 5.0]}, {}, [1, 1]),
+        ("turning", {"command": [[0.5, -1.5], [0.0, 0.3], [0.2, 0.0]]}, {}, [1.5, 0.3, 0.0]),
+        ("speed", {"command": [[0.5, -1.5], [-0.2, 0.3], [0.0, 1.0]]}, {}, [0.5, 0.2, 0.0]),
+        (
+            "heading",
+            {"goal_bearing": [0.0, np.pi / 2, -np.pi / 2, -np.pi]},
+            {},
+            [1.0, 0.5, 0.5, 0.0],
+        ),
+        # 0 from the margin outwards, 1 in contact, and even between.
+        (
+            "proximity",
+            {"clearance": [1e9, 0.201, 0.2, 0.15, 0.05, 0.0, -0.1]},
+            {},
+            [0.0, 0.0, 0.0, 0.25, 0.75, 1.0, 1.0],
+        ),
+        (
+            "proximity",
+            {"clearance": [0.401, 0.4, 0.3, 0.0]},
+            {"distance": 0.4},
+            [0.0, 0.0, 0.25, 1.0],
+        ),
+        # (0.5 + 0.5)^2 + 0 = 1; 0; 2^2 + 2^2 = 8.
+        (
+            "jerkiness",
+            {
+                "action": [[0.5, 0.1], [0.3, 0.3], [1.0, 1.0]],
+                "previous_action": [[-0.5, 0.1], [0.3, 0.3], [-1.0, -1.0]],
+            },
+            {},
+            [1.0, 0.0, 8.0],
+        ),
+    ],
+)
+def test_term_by_hand(term: str, values, params, expected) -> None:
+    # Float64 arithmetic on numbers of about 1.
+    result = REWARDS[term](step(**values), **params)
+    assert np.asarray(result, dtype=float) == pytest.approx(expected, abs=1e-12)
+
+
+def test_every_term_has_a_test() -> None:
+    marks = test_term_by_hand.pytestmark[0].args[1]
+    assert {case[0] for case in marks} == set(REWARDS)
+
+
+def test_sum_of_the_logged_terms_is_the_reward() -> None:
+    table = {name: {"weight": w} for name, w in zip(sorted(REWARDS), range(1, 99), strict=False)}
+    changes = {"num_worlds": 2, "time_limit_steps": 30}
+    config = task_config("static")
+    config = type(config).model_validate(config.model_dump() | {"rewards": table} | changes)
+    config = config.model_copy(update={"robot_changes": {"lidar": full_circle(36)}})
+    batch = NavigationBatch(config, world_pool(config, "train", 2), 16)
+    batch.reset(np.arange(16))
+    rng = np.random.default_rng(0)
+    running = np.zeros(16)
+    ended = 0
+    for _ in range(70):
+        result = batch.step(rng.uniform([-0.5, -1.0], [1.5, 1.0], (16, 2)))
+        assert set(result.rewards) == set(REWARDS)
+        # Both are sums of the same ten numbers, if in another order.
+        assert result.reward == pytest.approx(sum(result.rewards.values()), abs=1e-9)
+        running += result.reward
+        if result.episodes is not None:
+            done = result.episodes.indices
+            ended += len(done)
+            assert result.episodes.returns == pytest.approx(running[done], abs=1e-8)
+            assert sum(result.episodes.terms.values()) == pytest.approx(running[done], abs=1e-8)
+            running[done] = 0.0
+    assert ended >= 32
+
+
+def test_weights_of_the_article() -> None:
+    weights = {name: term.weight for name, term in task_config("article").rewards.items()}
+    assert weights == {
+        "goal": 100.0,
+        "collision": -50.0,
+        "progress": 10.0,
+        "time": -0.05,
+        "turning": -0.01,
+        "speed": -0.005,
+    }
+
+
+def test_reward_of_a_step_by_hand() -> None:
+    config = task_config("article")
+    batch = NavigationBatch(config, world_pool(config, "train", 1), 1)
+    batch.reset([0])
+    simulator = batch.simulator
+    # Far from everything; the goal 2 m ahead, and the robot at its full speed already.
+    simulator.place(np.array([0]), [[-0.5, 0.0, 0.0]], [[1.5, 0.0]])
+    simulator.state.twist[0] = [0.5, 0.0]
+    result = batch.step(np.array([[1.0, 0.0]]))
+    # 0.05 m of progress at 10, less 0.05 for the step and 0.005 x 0.5 for the speed.
+    assert result.reward[0] == pytest.approx(0.5 - 0.05 - 0.0025, abs=1e-9)
+    assert result.rewards["progress"][0] == pytest.approx(0.5, abs=1e-9)
