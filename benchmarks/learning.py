@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Success on 1000 held-out worlds after so many seconds of `pm01 train`, for several seeds.
 
-    python benchmarks/learning.py --seeds 5 --out benchmarks/results/learning_static.json
+python benchmarks/learning.py --seeds 5 --out benchmarks/results/learning_static.json
 """
 
 from __future__ import annotations

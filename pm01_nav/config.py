@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -100,9 +100,16 @@ def _first_problem(model: type[BaseModel], error: ValidationError, inside: str) 
 
 def _siblings(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
     """Name the keys that are allowed beside the one at ``location``."""
+    annotation: Any = model
     for part in location[:-1]:
-        field = model.model_fields.get(str(part))
-        inner = field.annotation if field else None
-        if isinstance(inner, type) and issubclass(inner, BaseModel):
-            model = inner
-    return list(model.model_fields)
+        if _is_model(annotation):
+            annotation = annotation.model_fields[str(part)].annotation
+        elif get_origin(annotation) is dict:
+            annotation = get_args(annotation)[1]
+    return list(annotation.model_fields) if _is_model(annotation) else ["see the documentation"]
+
+
+def _is_model(annotation: Any) -> bool:
+    # On Python 3.10 dict[str, float] is an instance of type, too.
+    is_class = isinstance(annotation, type) and get_origin(annotation) is None
+    return is_class and issubclass(annotation, BaseModel)

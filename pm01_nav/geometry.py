@@ -11,7 +11,9 @@ Array = NDArray[np.float64]
 
 def wrap_angle(angle: Array | float) -> Array:
     """Return the same direction in [-pi, pi) [rad], any shape."""
-    return (np.asarray(angle) + np.pi) % (2.0 * np.pi) - np.pi
+    wrapped = (np.asarray(angle) + np.pi) % (2.0 * np.pi) - np.pi
+    # Just below -pi the remainder rounds up to a whole turn.
+    return np.where(wrapped >= np.pi, -np.pi, wrapped)
 
 
 def to_frame(points: Array, pose: Array) -> Array:

@@ -36,7 +36,6 @@ def test_wrapped_angles_mean_the_same_direction() -> None:
     assert np.sin(wrapped) == pytest.approx(np.sin(angles), abs=1e-12)
 
 
-@pytest.mark.xfail(strict=True, reason="wrap_angle() rounds the angle just below -pi to pi itself")
 def test_wrapped_angle_is_below_pi_however_it_is_rounded() -> None:
     assert wrap_angle(np.nextafter(-PI, -4.0)) < PI
 

@@ -209,7 +209,9 @@ def summarize(results: EpisodeResults, config: TaskConfig, seconds: float) -> di
         summary[f"{name}_ci95"] = list(wilson_interval(int(outcome.sum()), n))
     steps = int(results.steps.sum())
     summary |= {
-        "spl": spl(won[known], results.shortest_path[known], results.path_length[known]),
+        "spl": spl(won[known], results.shortest_path[known], results.path_length[known])
+        if known.any()
+        else None,
         "time_to_goal_s": _mean(results.steps[won] * config.control_dt),
         "path_length_m": _mean(results.path_length[won]),
         "min_clearance_m": _mean(results.min_clearance),

@@ -35,6 +35,9 @@ class OnnxPolicy(NetworkPolicy):
             self.control_dt = float(self.metadata["control_dt"])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: unusable metadata: {error}") from error
+        width = session.get_inputs()[0].shape[-1]
+        if width != layout.size:
+            raise InputError(f"{path}: network of {width} inputs, metadata of {layout.size}")
         super().__init__(layout, lambda batch: session.run(None, {"observation": batch})[0])
         if robot is not None:
             self._check_robot(robot)
@@ -91,7 +94,7 @@ def _open(path: Path) -> tuple[Any, dict[str, Any]]:
         metadata = json.loads(text)
     except ValueError as error:
         raise InputError(f"{path}: its pm01_nav metadata is not valid JSON") from error
-    if metadata.get("format") != FORMAT:
-        found = metadata.get("format")
+    found = metadata.get("format") if isinstance(metadata, dict) else None
+    if found != FORMAT:
         raise InputError(f"{path}: metadata format is {found!r}, this version reads {FORMAT}")
     return session, metadata

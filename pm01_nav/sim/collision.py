@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Distance from the robot's footprint to what stands around it.
 
-A circle measures from its centre. A convex polygon is handled in its own frame. Obstacles whose
-bounding distance exceeds the best found so far are passed over.
+A circle measures from its centre; a convex polygon is handled in its own frame.
 """
 
 from __future__ import annotations
@@ -83,40 +82,67 @@ def clearance(x, y, cos, sin, base, worlds, w):
 
     ``cos``, ``sin`` are the pose's heading. Zero or negative in contact; 1e9 where nothing stands.
     """
-    best = 1e9
-    circle = base.vertices.shape[0] == 0
-    for k in range(worlds.disc_begin[w], worlds.disc_begin[w + 1]):
-        dx, dy, r = worlds.discs[k, 0] - x, worlds.discs[k, 1] - y, worlds.discs[k, 2]
-        reach = best + base.radius + r
-        squared = dx * dx + dy * dy
-        if squared >= reach * reach:
-            continue
-        if circle:
-            best = np.sqrt(squared) - base.radius - r
-        else:
-            best = min(best, point_to_polygon(cos * dx + sin * dy, cos * dy - sin * dx, base) - r)
-    for k in range(worlds.segment_begin[w], worlds.segment_begin[w + 1]):
-        x1, y1 = worlds.segments[k, 0] - x, worlds.segments[k, 1] - y
-        x2, y2 = worlds.segments[k, 2] - x, worlds.segments[k, 3] - y
-        distance = point_to_segment(0.0, 0.0, x1, y1, x2, y2) - base.radius
-        if distance >= best:
-            continue
-        if circle:
-            best = distance
-        else:
-            best = min(
-                best,
-                segment_to_polygon(
-                    cos * x1 + sin * y1,
-                    cos * y1 - sin * x1,
-                    cos * x2 + sin * y2,
-                    cos * y2 - sin * x2,
-                    base,
-                ),
-            )
+    if base.vertices.shape[0] == 0:
+        best = circle_clearance(x, y, base.radius, worlds, w)
+    else:
+        best = polygon_clearance(x, y, cos, sin, base, worlds, w)
     if worlds.grid_begin[w + 1] > worlds.grid_begin[w]:
         best = min(best, grid_clearance(x, y, cos, sin, base, worlds, w))
     return best
+
+
+@compiled
+def circle_clearance(x, y, radius, worlds, w):
+    """Return the distance from a circle around (x, y) to the nearest disc or segment [m].
+
+    Without branches: passing over far obstacles would cost more than it saves.
+    """
+    best = 1e9
+    for k in range(np.uint64(worlds.disc_begin[w]), np.uint64(worlds.disc_begin[w + 1])):
+        dx, dy = worlds.discs[k, 0] - x, worlds.discs[k, 1] - y
+        best = min(best, np.sqrt(dx * dx + dy * dy) - worlds.discs[k, 2] - radius)
+    for k in range(np.uint64(worlds.segment_begin[w]), np.uint64(worlds.segment_begin[w + 1])):
+        x1, y1, x2, y2 = segment(worlds, k)
+        best = min(best, point_to_segment(x, y, x1, y1, x2, y2) - radius)
+    return best
+
+
+@compiled(inline=False)
+def polygon_clearance(x, y, cos, sin, base, worlds, w):
+    """Return the distance from a polygonal footprint to the nearest disc or segment [m].
+
+    Obstacles whose bounding distance exceeds the best found so far are passed over.
+    """
+    best = 1e9
+    for k in range(np.uint64(worlds.disc_begin[w]), np.uint64(worlds.disc_begin[w + 1])):
+        dx, dy, r = worlds.discs[k, 0] - x, worlds.discs[k, 1] - y, worlds.discs[k, 2]
+        if np.sqrt(dx * dx + dy * dy) - r - base.radius < best:
+            distance = point_to_polygon(cos * dx + sin * dy, cos * dy - sin * dx, base)
+            best = min(best, distance - r)
+    for k in range(np.uint64(worlds.segment_begin[w]), np.uint64(worlds.segment_begin[w + 1])):
+        x1, y1, x2, y2 = segment(worlds, k)
+        if point_to_segment(x, y, x1, y1, x2, y2) - base.radius < best:
+            x1, y1 = to_base(x1 - x, y1 - y, cos, sin)
+            x2, y2 = to_base(x2 - x, y2 - y, cos, sin)
+            best = min(best, segment_to_polygon(x1, y1, x2, y2, base))
+    return best
+
+
+@compiled
+def segment(worlds, k):
+    """Return the ends x1, y1, x2, y2 of segment k [m]."""
+    return (
+        worlds.segments[k, 0],
+        worlds.segments[k, 1],
+        worlds.segments[k, 2],
+        worlds.segments[k, 3],
+    )
+
+
+@compiled
+def to_base(dx, dy, cos, sin):
+    """Turn a world vector into the frame with the heading (cos, sin)."""
+    return cos * dx + sin * dy, cos * dy - sin * dx
 
 
 @compiled(inline=False)
@@ -148,20 +174,14 @@ def cell_clearance(left, low, size, cos, sin, base, best):
     distance = np.sqrt(dx * dx + dy * dy) - base.radius
     if base.vertices.shape[0] == 0 or distance >= best:
         return distance
-    nearest = best
+    # The robot's centre inside the cell: no side need be near.
+    nearest = 0.0 if left <= 0.0 <= left + size and low <= 0.0 <= low + size else best
     for side in range(4):
         x1 = left + (size if side == 1 or side == 2 else 0.0)
         y1 = low + (size if side >= 2 else 0.0)
         x2 = left + (size if side <= 1 else 0.0)
         y2 = low + (size if side == 1 or side == 2 else 0.0)
-        nearest = min(
-            nearest,
-            segment_to_polygon(
-                cos * x1 + sin * y1,
-                cos * y1 - sin * x1,
-                cos * x2 + sin * y2,
-                cos * y2 - sin * x2,
-                base,
-            ),
-        )
+        x1, y1 = to_base(x1, y1, cos, sin)
+        x2, y2 = to_base(x2, y2, cos, sin)
+        nearest = min(nearest, segment_to_polygon(x1, y1, x2, y2, base))
     return nearest

@@ -12,8 +12,8 @@ from pm01_nav.sim.dynamics import arc, clip, next_speed, wrap
 from pm01_nav.sim.lidar import cast_scan, measure
 from pm01_nav.sim.random import uniform
 
-GOAL_DRAWS = 64
-"""Draws of a goal at an allowed distance before the last one is taken as it is."""
+GOAL_DRAWS = 256
+"""Draws of a goal at an allowed distance; then the one that misses it least is taken."""
 
 
 @compiled(parallel=True)
@@ -50,7 +50,7 @@ def move(state, i, command, base, worlds, time):
     angular = clip(command[i, 1], -base.angular_max, base.angular_max)
     x, y, yaw = state.pose[i, 0], state.pose[i, 1], state.pose[i, 2]
     v, w = state.twist[i, 0], state.twist[i, 1]
-    cos, sin = np.cos(yaw), np.sin(yaw)
+    cos, sin = state.heading[i, 0], state.heading[i, 1]
     # No point of the footprint can travel further than `slack` into an obstacle unseen.
     slack = state.clearance[i]
     state.contact[i] = False
@@ -68,18 +68,21 @@ def move(state, i, command, base, worlds, time):
                 break
         x, y, cos, sin, v, w = x_next, y_next, cos_next, sin_next, v_next, w_next
         yaw += w_mean * time.dt
-    state.pose[i, 0], state.pose[i, 1], state.pose[i, 2] = x, y, wrap(yaw)
+    yaw = wrap(yaw)
+    state.pose[i, 0], state.pose[i, 1], state.pose[i, 2] = x, y, yaw
+    # Afresh from the yaw: products of many small turns would drift from it.
+    state.heading[i, 0], state.heading[i, 1] = np.cos(yaw), np.sin(yaw)
     state.twist[i, 0], state.twist[i, 1] = v, w
 
 
 @compiled
 def observe(state, i, base, lidar, worlds):
     """Measure scan, clearance and goal of one environment at its pose."""
-    x, y, yaw = state.pose[i, 0], state.pose[i, 1], state.pose[i, 2]
-    cos, sin = np.cos(yaw), np.sin(yaw)
+    x, y = state.pose[i, 0], state.pose[i, 1]
+    cos, sin = state.heading[i, 0], state.heading[i, 1]
     state.clearance[i] = clearance(x, y, cos, sin, base, worlds, state.world[i])
-    cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], state.scan[i])
-    measure(lidar, state.scan[i], state.rng_key, state.rng_count, i)
+    cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], state.ranges[i])
+    measure(lidar, state.ranges[i], state.scan[i], state.rng_key, state.rng_count, i)
     dx, dy = state.goal[i, 0] - x, state.goal[i, 1] - y
     state.goal_polar[i, 0] = np.sqrt(dx * dx + dy * dy)
     state.goal_polar[i, 1] = np.arctan2(cos * dy - sin * dx, cos * dx + sin * dy)
@@ -97,20 +100,23 @@ def place(state, i, worlds, goal_distance):
     start = draw_row(worlds.start_begin, w, uniform(key, count, i))
     x = worlds.starts[start, 0] + worlds.jitter[w, 0] * (2.0 * uniform(key, count, i) - 1.0)
     y = worlds.starts[start, 1] + worlds.jitter[w, 0] * (2.0 * uniform(key, count, i) - 1.0)
-    goal = worlds.goal_begin[w]
+    least_miss = np.inf
     for _ in range(GOAL_DRAWS):
         goal = draw_row(worlds.goal_begin, w, uniform(key, count, i))
-        dx, dy = worlds.goals[goal, 0] - x, worlds.goals[goal, 1] - y
-        distance = np.sqrt(dx * dx + dy * dy)
-        if goal_distance[0] <= distance <= goal_distance[1]:
+        goal_x = worlds.goals[goal, 0] + worlds.jitter[w, 1] * (2.0 * uniform(key, count, i) - 1.0)
+        goal_y = worlds.goals[goal, 1] + worlds.jitter[w, 1] * (2.0 * uniform(key, count, i) - 1.0)
+        distance = np.sqrt((goal_x - x) ** 2 + (goal_y - y) ** 2)
+        miss = max(goal_distance[0] - distance, distance - goal_distance[1], 0.0)
+        if miss < least_miss:
+            least_miss = miss
+            state.goal[i, 0], state.goal[i, 1] = goal_x, goal_y
+        if miss == 0.0:
             break
-    jitter = worlds.jitter[w, 1]
-    state.goal[i, 0] = worlds.goals[goal, 0] + jitter * (2.0 * uniform(key, count, i) - 1.0)
-    state.goal[i, 1] = worlds.goals[goal, 1] + jitter * (2.0 * uniform(key, count, i) - 1.0)
     yaw = np.pi * (2.0 * uniform(key, count, i) - 1.0)
     if not np.isnan(worlds.start_yaw[w]):
         yaw = wrap(worlds.start_yaw[w])
     state.pose[i, 0], state.pose[i, 1], state.pose[i, 2] = x, y, yaw
+    state.heading[i, 0], state.heading[i, 1] = np.cos(yaw), np.sin(yaw)
     state.twist[i, 0], state.twist[i, 1] = 0.0, 0.0
     state.contact[i] = False
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from pm01_nav.compilation import compiled
+from pm01_nav.sim.collision import segment, to_base
 from pm01_nav.sim.random import normal
 from pm01_nav.sim.state import BLOCK
 
@@ -33,22 +34,17 @@ def cast_scan(x, y, cos, sin, lidar, worlds, w, scan):
     )
     for k in range(scan.shape[0]):
         scan[k] = np.inf
-    for k in range(worlds.disc_begin[w], worlds.disc_begin[w + 1]):
+    for k in range(np.uint64(worlds.disc_begin[w]), np.uint64(worlds.disc_begin[w + 1])):
         dx, dy, r = worlds.discs[k, 0] - x, worlds.discs[k, 1] - y, worlds.discs[k, 2]
         reach = lidar.range_max + r
-        if dx * dx + dy * dy < reach * reach:
-            cast_disc(cos * dx + sin * dy, cos * dy - sin * dx, r, lidar, scan)
-    for k in range(worlds.segment_begin[w], worlds.segment_begin[w + 1]):
-        x1, y1 = worlds.segments[k, 0] - x, worlds.segments[k, 1] - y
-        x2, y2 = worlds.segments[k, 2] - x, worlds.segments[k, 3] - y
-        cast_segment(
-            cos * x1 + sin * y1,
-            cos * y1 - sin * x1,
-            cos * x2 + sin * y2,
-            cos * y2 - sin * x2,
-            lidar,
-            scan,
-        )
+        if dx * dx + dy * dy <= reach * reach:
+            dx, dy = to_base(dx, dy, cos, sin)
+            cast_disc(dx, dy, r, lidar, scan)
+    for k in range(np.uint64(worlds.segment_begin[w]), np.uint64(worlds.segment_begin[w + 1])):
+        x1, y1, x2, y2 = segment(worlds, k)
+        x1, y1 = to_base(x1 - x, y1 - y, cos, sin)
+        x2, y2 = to_base(x2 - x, y2 - y, cos, sin)
+        cast_segment(x1, y1, x2, y2, lidar, scan)
     if worlds.grid_begin[w + 1] > worlds.grid_begin[w]:
         cast_grid(x, y, cos, sin, lidar, worlds, w, scan)
 
@@ -194,14 +190,14 @@ def _enter_grid(px, py, ux, uy, width, height):
 
 
 @compiled
-def measure(lidar, scan, key, count, i):
+def measure(lidar, ranges, scan, key, count, i):
     """Turn exact ranges into what the sensor says: noise, then REP-117 at both ends."""
     if lidar.noise_std > 0.0:
         for k in range(lidar.num_beams):
-            if scan[k] <= lidar.range_max:
-                scan[k] += np.float32(lidar.noise_std * normal(key, count, i))
-    for k in range(scan.shape[0]):
-        if scan[k] > lidar.range_max:
-            scan[k] = np.inf
-        elif scan[k] < lidar.range_min:
-            scan[k] = -np.inf
+            if ranges[k] <= lidar.range_max:
+                ranges[k] += np.float32(lidar.noise_std * normal(key, count, i))
+    shortest, longest = np.float32(lidar.range_min), np.float32(lidar.range_max)
+    for k in range(np.uint64(scan.shape[0])):
+        value = ranges[k]
+        value = np.float32(np.inf) if value > longest else value
+        scan[k] = np.float32(-np.inf) if value < shortest else value

@@ -54,8 +54,8 @@ class PlanarSimulator:
 
     @property
     def scan(self) -> NDArray[np.float32]:
-        """Lidar ranges by REP-117 [m], shape (num_envs, num_beams); a view, beam 0 at angle_min."""
-        return self.state.scan[:, : self.robot.lidar.num_beams]
+        """Lidar ranges by REP-117 [m], shape (num_envs, num_beams), beam 0 at angle_min."""
+        return self.state.scan
 
     def seed(self, seeds: ArrayLike) -> None:
         """Begin the random stream of each environment anew; ``seeds`` has shape (num_envs,)."""
@@ -85,6 +85,8 @@ class PlanarSimulator:
     def place(self, indices: NDArray[np.int64], poses: ArrayLike, goals: ArrayLike) -> None:
         """Put robots at rest at ``poses`` (n, 3) with ``goals`` (n, 2) in their present worlds."""
         self.state.pose[indices] = poses
+        yaw = self.state.pose[indices, 2]
+        self.state.heading[indices] = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
         self.state.goal[indices] = goals
         self.state.twist[indices] = 0.0
         self.state.contact[indices] = False

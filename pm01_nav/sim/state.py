@@ -26,8 +26,12 @@ class SimState(NamedTuple):
     """x, y in the world [m], shape (num_envs, 2)."""
     goal_polar: FloatArray
     """Distance and bearing of the goal in base_link [m, rad], shape (num_envs, 2)."""
+    heading: FloatArray
+    """cos and sin of the yaw, shape (num_envs, 2)."""
+    ranges: NDArray[np.float32]
+    """Exact ranges [m], shape (num_envs, num_beams padded to whole blocks): for the kernels."""
     scan: NDArray[np.float32]
-    """Lidar ranges by REP-117 [m], shape (num_envs, num_beams padded to whole blocks)."""
+    """What the lidar says, by REP-117 [m], shape (num_envs, num_beams); beam 0 at angle_min."""
     clearance: FloatArray
     """From the footprint to the nearest obstacle [m], 0 or below in contact, shape (num_envs,)."""
     contact: NDArray[np.bool_]
@@ -52,7 +56,9 @@ def new_state(num_envs: int, num_beams: int) -> SimState:
         twist=np.zeros((num_envs, 2)),
         goal=np.zeros((num_envs, 2)),
         goal_polar=np.zeros((num_envs, 2)),
-        scan=np.zeros((num_envs, padded(num_beams)), dtype=np.float32),
+        heading=np.zeros((num_envs, 2)),
+        ranges=np.zeros((num_envs, padded(num_beams)), dtype=np.float32),
+        scan=np.zeros((num_envs, num_beams), dtype=np.float32),
         clearance=np.zeros(num_envs),
         contact=np.zeros(num_envs, dtype=np.bool_),
         world=np.zeros(num_envs, dtype=np.int64),

@@ -33,7 +33,7 @@ class RewardTerm(FrozenModel):
     """One row of the reward table."""
 
     weight: float
-    params: dict[str, float] = Field(default_factory=dict)
+    params: dict[str, Positive] = Field(default_factory=dict)
 
 
 class TaskConfig(FrozenModel):
@@ -59,7 +59,10 @@ class TaskConfig(FrozenModel):
     goal_radius: Positive = 0.3
     """[m]"""
     goal_distance: tuple[NonNegative, NonNegative | None] = (2.0, None)
-    """Least and greatest straight distance from start to goal [m]; None is no limit."""
+    """Least and greatest straight distance from start to goal [m]; None is no limit.
+
+    Where a world offers nothing of the kind, the nearest to it is taken.
+    """
     collision: Literal["contact", "scan"] = "contact"
     """A collision is a touch of the footprint, or a return nearer than collision_distance."""
     collision_distance: Positive = 0.2

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pm01_nav.errors import InputError
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.observation import build_observation
@@ -127,7 +128,13 @@ class NavigationBatch:
         return step
 
     def step(self, action: NDArray[Any]) -> BatchStep:
-        """Apply actions (num_envs, 2) in [-1, 1]; reset what ended."""
+        """Apply actions (num_envs, 2), clipped to [-1, 1]; reset what ended.
+
+        Raises:
+            InputError: an action is not finite.
+        """
+        if not np.isfinite(action).all():
+            raise InputError("actions must be finite numbers")
         action = np.minimum(np.maximum(action, -1.0), 1.0)
         step = self.advance(self.layout.limits.to_command(action))
         step.action, step.previous_action = action, self._action

@@ -141,7 +141,7 @@ class ObservationLayout:
             if unknown := sorted(set(rest) - known):
                 raise InputError(f"observation.{unknown[0]}: unknown key")
             return cls(ScanGeometry(**data["scan"]), ActionLimits(**data["limits"]), **rest)
-        except (KeyError, TypeError) as error:
+        except (AttributeError, KeyError, TypeError) as error:
             raise InputError(f"observation layout: {error}") from error
 
 

@@ -68,7 +68,8 @@ def heading(step: Step) -> Any:
 @reward_term
 def proximity(step: Step, distance: float = 0.2) -> Any:
     """How deep the nearest obstacle intrudes into a margin around the footprint, 0 to 1."""
-    return step.xp.clip(1.0 - step.clearance / distance, 0.0, 1.0)
+    near = 1.0 - step.clearance / distance
+    return step.xp.minimum(step.xp.maximum(near, 0.0), 1.0)
 
 
 @reward_term

@@ -123,16 +123,34 @@ def _clear_inside(space: FreeSpace, polygon: FloatArray) -> None:
 
 
 def _clear_grid(space: FreeSpace, grid: OccupancyGrid, radius: float) -> None:
-    """Block cells whose centre lies within ``radius`` of a solid cell, to half its diagonal."""
     distance = distance_to_occupied(grid)
-    height, width = space.free.shape
-    centres = space.centre(np.arange(height).repeat(width), np.tile(np.arange(width), height))
-    index = np.floor((centres - np.array(grid.origin)) / grid.resolution).astype(int)
-    rows = np.clip(index[:, 1], 0, grid.occupied.shape[0] - 1)
-    columns = np.clip(index[:, 0], 0, grid.occupied.shape[1] - 1)
-    half_diagonal = grid.resolution * np.sqrt(0.5)
-    near = distance[rows, columns] * grid.resolution < radius + half_diagonal
-    space.free.ravel()[near] = False
+    frame = (grid.origin[0], grid.origin[1], grid.resolution)
+    _clear_cells(space.free, grid.occupied, distance, frame, space.origin, space.resolution, radius)
+
+
+@compiled
+def _clear_cells(free, occupied, distance, frame, origin, resolution, radius):
+    """Block the raster's cells whose centre is nearer than ``radius`` to a solid cell.
+
+    The distance transform settles all but those near the limit, which are measured.
+    """
+    x_min, y_min, size = frame
+    height, width = occupied.shape
+    reach = int(np.ceil(radius / size)) + 1
+    for row in range(free.shape[0]):
+        for column in range(free.shape[1]):
+            x = (origin[0] + (column + 0.5) * resolution - x_min) / size
+            y = (origin[1] + (row + 0.5) * resolution - y_min) / size
+            c = min(max(int(np.floor(x)), 0), width - 1)
+            r = min(max(int(np.floor(y)), 0), height - 1)
+            # Centre to centre; each end may be half a diagonal nearer.
+            if (distance[r, c] - np.sqrt(2.0)) * size >= radius:
+                continue
+            for k in range(max(r - reach, 0), min(r + reach + 1, height)):
+                for j in range(max(c - reach, 0), min(c + reach + 1, width)):
+                    dx, dy = max(j - x, x - j - 1.0, 0.0), max(k - y, y - k - 1.0, 0.0)
+                    if occupied[k, j] != 0 and (dx * dx + dy * dy) * size * size < radius * radius:
+                        free[row, column] = False
 
 
 def distance_to_occupied(grid: OccupancyGrid) -> NDArray[np.float32]:

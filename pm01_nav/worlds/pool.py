@@ -17,8 +17,10 @@ from pm01_nav.worlds.world import World
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+PLACES_PER_WORLD = 1024
+"""Starts, and goals, kept of a generated world; the same however many worlds there are."""
 MAX_PLACES = 1 << 20
-"""Start and goal places kept in all; a pool of many worlds keeps a random share of each."""
+"""Starts, and goals, kept of all worlds from files together."""
 MAX_ATTEMPTS = 100
 
 
@@ -83,7 +85,8 @@ def find_places(world: World, radius: float, rng: np.random.Generator, limit: in
     """Choose where episodes may start and end, for a disc of ``radius`` [m].
 
     Raises:
-        InputError: the world has no free space, or no goal can be reached from its start.
+        InputError: the world has no free space, its start is not free, or no goal can be reached
+            from there.
     """
     space = free_space(world, radius)
     regions = space.regions()
@@ -93,46 +96,62 @@ def find_places(world: World, radius: float, rng: np.random.Generator, limit: in
         raise InputError(f"world {world.name}: no free space for a robot of radius {radius:.2f} m")
     if world.start is None:
         region = int(sizes.argmax())
-        starts = _centres(space, regions == region, rng, limit)
-        start_yaw, start_jitter = np.nan, space.resolution / 2.0
     else:
         region = _region_at(space, regions, world.start[0], world.start[1])
-        starts, start_yaw, start_jitter = np.array([world.start[:2]]), world.start[2], 0.0
-    goals, goal_jitter = _goals(world, space, regions, region, rng, limit)
-    return Places(starts, goals, start_yaw, (start_jitter, goal_jitter))
+        if region == 0:
+            raise InputError(f"world {world.name}: its start {world.start} is not in free space")
+    limited = slice(limit)
+    goals, goal_jitter = _goals(world, radius, space, regions == region, rng)
+    if world.start is not None:
+        return Places(
+            np.array([world.start[:2]]), goals[limited], world.start[2], (0.0, goal_jitter)
+        )
+    starts, jitter = _places_in(world, radius, space, regions == region, None, rng)
+    return Places(starts[limited], goals[limited], np.nan, (jitter, goal_jitter))
 
 
 def _goals(
     world: World,
+    radius: float,
     space: FreeSpace,
-    regions: NDArray[np.int32],
-    region: int,
+    reachable: NDArray[np.bool_],
     rng: np.random.Generator,
-    limit: int,
 ) -> tuple[FloatArray, float]:
-    if world.goal_area is None:
-        return _centres(space, regions == region, rng, limit), space.resolution / 2.0
-    x_min, y_min, x_max, y_max = world.goal_area
-    if x_min == x_max and y_min == y_max:
-        goal_region = _region_at(space, regions, x_min, y_min)
-        if region == 0 or goal_region != region:
-            raise InputError(f"world {world.name}: start and goal are not connected")
-        return np.array([[x_min, y_min]]), 0.0
-    goals = _centres(space, regions == region, rng, space.free.size) if region else np.zeros((0, 2))
+    area = world.goal_area
+    if area is None or area[:2] != area[2:]:
+        goals, jitter = _places_in(world, radius, space, reachable, area, rng)
+        if len(goals) == 0:
+            raise InputError(f"world {world.name}: no goal in its goal area can be reached")
+        return goals, jitter
+    if _region_at(space, reachable.astype(np.int32), area[0], area[1]) == 0:
+        raise InputError(f"world {world.name}: start and goal are not connected")
+    return np.array([area[:2]]), 0.0
+
+
+def _places_in(
+    world: World,
+    radius: float,
+    space: FreeSpace,
+    chosen: NDArray[np.bool_],
+    area: tuple[float, float, float, float] | None,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, float]:
+    """Return places in random order (n, 2), and how far around them is as good [m].
+
+    Cells in which the disc is free anywhere; where there are none, the centres of free cells.
+    """
     half = space.resolution / 2.0
-    low, high = np.array([x_min, y_min]) + half - 1e-9, np.array([x_max, y_max]) - half + 1e-9
-    goals = goals[((goals >= low) & (goals <= high)).all(axis=1)]
-    if len(goals) == 0:
-        raise InputError(f"world {world.name}: no goal in its goal area can be reached")
-    return goals[:limit], half
-
-
-def _centres(
-    space: FreeSpace, chosen: NDArray[np.bool_], rng: np.random.Generator, limit: int
-) -> FloatArray:
-    rows, columns = np.nonzero(chosen)
-    order = rng.permutation(len(rows))[:limit]
-    return space.centre(rows[order], columns[order])
+    roomy = free_space(world, radius + half * np.sqrt(2.0), space.resolution).free
+    for cells, jitter in ((chosen & roomy, half), (chosen, 0.0)):
+        rows, columns = np.nonzero(cells)
+        places = space.centre(rows, columns)
+        if area is not None:
+            low = np.array(area[:2]) + jitter - 1e-9
+            high = np.array(area[2:]) - jitter + 1e-9
+            places = places[((places >= low) & (places <= high)).all(axis=1)]
+        if len(places):
+            return rng.permutation(places), jitter
+    return np.zeros((0, 2)), 0.0
 
 
 def _region_at(space: FreeSpace, regions: NDArray[np.int32], x: float, y: float) -> int:
@@ -173,20 +192,20 @@ def generate_pool(
         InputError: a seed gave no usable world in many attempts.
     """
     seeds = list(seeds)
-    limit = max(MAX_PLACES // max(len(seeds), 1), 64)
-    drawn = [_generate(generator, seed, radius, limit) for seed in seeds]
+    drawn = [_generate(generator, seed, radius) for seed in seeds]
     worlds = [world for world, _ in drawn]
     return WorldPool(tuple(worlds), _pack(worlds, [places for _, places in drawn]), radius)
 
 
 def _generate(
-    generator: Callable[[np.random.Generator], World], seed: int, radius: float, limit: int
+    generator: Callable[[np.random.Generator], World], seed: int, radius: float
 ) -> tuple[World, Places]:
     problem: InputError | None = None
     for attempt in range(MAX_ATTEMPTS):
         world = generator(np.random.default_rng([seed, attempt]))
         try:
-            return world, find_places(world, radius, np.random.default_rng([seed]), limit)
+            rng = np.random.default_rng([seed])
+            return world, find_places(world, radius, rng, PLACES_PER_WORLD)
         except InputError as error:
             problem = error
     raise InputError(f"world seed {seed}: nothing usable in {MAX_ATTEMPTS} draws: {problem}")

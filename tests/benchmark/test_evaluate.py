@@ -73,11 +73,6 @@ def test_episode_is_the_same_whatever_their_number() -> None:
     assert (few.goals[0] == more.goals[0][:4]).all()
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="generate_pool() keeps MAX_PLACES / episodes places a world: beyond about 130 episodes "
-    "starts and goals of an episode depend on their number",
-)
 def test_episode_is_the_same_whatever_their_number_even_if_it_is_large() -> None:
     config = task(time_limit_steps=1)
     few, more = (first_sight(config, count, 3) for count in (2, 300))

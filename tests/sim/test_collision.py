@@ -127,10 +127,6 @@ def test_clearance_to_a_grid_equals_the_slow_twin(make_robot, simulate, footprin
     assert (fast[~near] <= slow[~near] + 1e-6).all()
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="clearance() squares a negative reach: deep in one disc, a smaller one replaces it",
-)
 def test_depth_in_the_deepest_disc_counts(make_robot, simulate) -> None:
     # The robot stands at the middle of a disc of 0.5 m: -0.5 - 0.2. The other disc, 0.1 m away,
     # gives 0.1 - 0.1 - 0.2 = -0.2 only.
@@ -139,9 +135,6 @@ def test_depth_in_the_deepest_disc_counts(make_robot, simulate) -> None:
     assert sim.state.clearance[0] == pytest.approx(-0.7)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="cell_clearance() tests the cell's sides only, not whether it holds the box"
-)
 def test_a_polygon_inside_a_solid_cell_touches_it(make_robot, simulate) -> None:
     cells = np.array([[1]], dtype=np.uint8)
     world = World("block", BOUNDS, grid=OccupancyGrid(cells, 2.0, (-1.0, -1.0)))

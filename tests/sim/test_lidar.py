@@ -148,7 +148,6 @@ def test_return_at_range_max_counts_and_beyond_is_none(make_robot, simulate) -> 
     assert simulate(robot, world, poses).scan[:, 0] == pytest.approx([3.5, np.inf, 3.499])
 
 
-@pytest.mark.xfail(strict=True, reason="cast_scan skips a disc at exactly range_max, not a wall")
 def test_disc_at_range_max_counts(make_robot, simulate) -> None:
     robot = make_robot(lidar={"num_beams": 1, "angle_min": 0.0, "angle_max": 0.0})
     world = World("disc", BOUNDS, discs=np.array([[4.0, 0.0, 0.5]]))
