@@ -24,8 +24,7 @@ def step_batch(state, command, base, lidar, worlds, time):
         observe(state, i, base, lidar, worlds)
 
 
-@compiled(parallel=True)
-def reset_batch(state, indices, base, lidar, worlds, goal_distance):
+def _reset(state, indices, base, lidar, worlds, goal_distance):
     """Start a new episode in the environments ``indices`` (n,).
 
     ``goal_distance`` (2,): least and greatest distance from the start to the goal [m].
@@ -34,6 +33,11 @@ def reset_batch(state, indices, base, lidar, worlds, goal_distance):
         i = indices[k]
         place(state, i, worlds, goal_distance)
         observe(state, i, base, lidar, worlds)
+
+
+reset_many = compiled(parallel=True)(_reset)
+# Waking the other threads takes longer than a few resets.
+reset_few = compiled(_reset)
 
 
 @compiled(parallel=True)

@@ -14,6 +14,8 @@ from pm01_nav.sim.random import stream_keys
 from pm01_nav.sim.state import SimState, TimeStep, base_params, lidar_params, new_state
 from pm01_nav.worlds.pool import WorldPool
 
+FEW = 64
+"""Up to this many environments are reset by one thread."""
 MAX_TRAVEL = 0.05
 """The robot moves at most this far between two checks for contact [m]."""
 
@@ -72,9 +74,8 @@ class PlanarSimulator:
         if indices is None:
             indices = np.arange(self.num_envs)
         self.state.world[indices] = -1 if worlds is None else worlds
-        kernels.reset_batch(
-            self.state, indices, self._base, self._lidar, self.pool.arrays, self._goal_distance
-        )
+        reset = kernels.reset_few if len(indices) <= FEW else kernels.reset_many
+        reset(self.state, indices, self._base, self._lidar, self.pool.arrays, self._goal_distance)
 
     def step(self, command: NDArray[np.float64]) -> None:
         """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step."""

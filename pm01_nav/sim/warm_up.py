@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from pm01_nav.robot import load_robot
-from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.sim.simulator import FEW, PlanarSimulator
 from pm01_nav.worlds.free_space import shortest_path_length
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
@@ -18,11 +18,13 @@ def warm_up() -> None:
     wall = np.array([[0.0, 0.0, 3.0, 0.0]])
     world = World("warm_up", (0.0, 0.0, 3.0, 3.0), discs=disc, segments=wall)
     pool = build_pool([world], radius=0.2)
-    simulator = PlanarSimulator(load_robot("pm01"), pool, num_envs=2)
-    simulator.seed([0, 1])
+    num_envs = FEW + 1
+    simulator = PlanarSimulator(load_robot("pm01"), pool, num_envs)
+    simulator.seed(np.arange(num_envs))
     simulator.reset()
-    simulator.step(np.zeros((2, 2)))
-    everyone = np.arange(2)
+    simulator.reset(np.arange(2))
+    simulator.step(np.zeros((num_envs, 2)))
+    everyone = np.arange(num_envs)
     simulator.place(everyone, simulator.state.pose.copy(), simulator.state.goal.copy())
     shortest_path_length(pool.free_space(0), (0.3, 1.5), (2.7, 1.5))
 
