@@ -87,7 +87,10 @@ def main() -> None:
     if options.jaxnav:
         for reset in ("fresh", "bank"):
             results[f"jaxnav_20_beams_{reset}"] = measure_peer(
-                options.jaxnav, "jaxnav_steps.py", "--beams", "20", "--reset", reset
+                options.jaxnav,
+                "jaxnav_steps.py",
+                *("--beams", "20", "--reset", reset, "--num-envs", "256", "1024"),
+                *("--repeats", "3"),
             )
     # Once more at the end: the machine may have slowed down or sped up meanwhile.
     results["20_beams_12_discs_again"] = measure(
