@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import polygon_edges
+from pm01_nav.worlds.mover import Mover
 
 FloatArray = NDArray[np.float64]
 
@@ -44,6 +45,8 @@ class World:
     segments: FloatArray = field(default_factory=lambda: _no_rows(4))
     """Thin walls: x1, y1, x2, y2, shape (num_segments, 4)."""
     grid: OccupancyGrid | None = None
+    movers: tuple[Mover, ...] = ()
+    """Discs that move."""
     start: tuple[float, float, float] | None = None
     """A fixed start pose x, y, yaw; None draws one from the free space."""
     goal_area: tuple[float, float, float, float] | None = None
