@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.errors import InputError
-from pm01_nav.task.observation import ObservationLayout, build_observation, discard_invalid
+from pm01_nav.task.observation import (
+    ObservationLayout,
+    build_observation,
+    discard_invalid,
+    pool_sectors,
+)
 
 Network = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """Observations in physical units (n, size) -> commands (n, 2) [m/s, rad/s]."""
@@ -48,7 +53,8 @@ class NetworkPolicy:
         if self._previous is None or self._previous.shape != goal.shape:
             self._previous = np.zeros_like(goal)
         ranges = discard_invalid(ranges, self.layout.scan)
-        observation = build_observation(self.layout, ranges, polar, velocity, self._previous)
+        nearest = pool_sectors(ranges, self.layout.sectors)
+        observation = build_observation(self.layout, nearest, polar, velocity, self._previous)
         batch = observation.reshape(-1, self.layout.size)
         command = self._network(batch).astype(np.float64).reshape(goal.shape)
         self._previous = self.layout.limits.to_action(command)

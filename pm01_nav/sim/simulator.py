@@ -35,17 +35,21 @@ class PlanarSimulator:
         *,
         control_dt: float = 0.1,
         goal_distance: tuple[float, float] = (0.0, math.inf),
+        sectors: int = 0,
     ) -> None:
         """Allocate the batch; call ``seed`` and ``reset`` before the first ``step``.
 
         ``control_dt`` [s] is the time between commands, ``goal_distance`` [m] the least and the
-        greatest straight distance from a start to its goal.
+        greatest straight distance from a start to its goal. The nearest range is kept in each of
+        ``sectors`` equal parts of the scan, which must divide it; 0 makes every beam a part.
         """
         self.robot = robot
         self.pool = pool
         self.num_envs = num_envs
         self.control_dt = control_dt
-        self.state: SimState = new_state(num_envs, robot.lidar.num_beams)
+        self.state: SimState = new_state(
+            num_envs, robot.lidar.num_beams, sectors or robot.lidar.num_beams
+        )
         self._goal_distance = np.array(goal_distance, dtype=np.float64)
         self._base = base_params(robot)
         self._lidar = lidar_params(robot)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.robot import RobotSpec
+from pm01_nav.sim.random import normal_values
 
 FloatArray = NDArray[np.float64]
 BLOCK = 8
@@ -32,6 +33,8 @@ class SimState(NamedTuple):
     """Exact ranges [m], shape (num_envs, num_beams padded to whole blocks): for the kernels."""
     scan: NDArray[np.float32]
     """What the lidar says, by REP-117 [m], shape (num_envs, num_beams); beam 0 at angle_min."""
+    nearest: NDArray[np.float32]
+    """Nearest range of the scan in each sector [m], shape (num_envs, num_sectors)."""
     clearance: FloatArray
     """From the footprint to the nearest obstacle [m], 0 or below in contact, shape (num_envs,)."""
     contact: NDArray[np.bool_]
@@ -49,7 +52,7 @@ def padded(num_beams: int) -> int:
     return -(-num_beams // BLOCK) * BLOCK
 
 
-def new_state(num_envs: int, num_beams: int) -> SimState:
+def new_state(num_envs: int, num_beams: int, num_sectors: int) -> SimState:
     """Return a state of zeros."""
     return SimState(
         pose=np.zeros((num_envs, 3)),
@@ -59,6 +62,7 @@ def new_state(num_envs: int, num_beams: int) -> SimState:
         heading=np.zeros((num_envs, 2)),
         ranges=np.zeros((num_envs, padded(num_beams)), dtype=np.float32),
         scan=np.zeros((num_envs, num_beams), dtype=np.float32),
+        nearest=np.zeros((num_envs, num_sectors), dtype=np.float32),
         clearance=np.zeros(num_envs),
         contact=np.zeros(num_envs, dtype=np.bool_),
         world=np.zeros(num_envs, dtype=np.int64),
@@ -91,7 +95,7 @@ class LidarParams(NamedTuple):
     sin: FloatArray
     num_beams: int
     angle_min: float
-    angle_increment: float
+    beams_per_radian: float
     range_min: float
     range_max: float
     x: float
@@ -99,6 +103,8 @@ class LidarParams(NamedTuple):
     mount_cos: float
     mount_sin: float
     noise_std: float
+    normal_values: NDArray[np.float32]
+    """Equally likely values of N(0, 1), shape (65536,)."""
 
 
 class TimeStep(NamedTuple):
@@ -141,7 +147,7 @@ def lidar_params(robot: RobotSpec) -> LidarParams:
         sin=np.sin(angles),
         num_beams=lidar.num_beams,
         angle_min=lidar.angle_min,
-        angle_increment=lidar.angle_increment,
+        beams_per_radian=1.0 / max(lidar.angle_increment, 1e-9),
         range_min=lidar.range_min,
         range_max=lidar.range_max,
         x=lidar.x,
@@ -149,4 +155,5 @@ def lidar_params(robot: RobotSpec) -> LidarParams:
         mount_cos=float(np.cos(lidar.yaw)),
         mount_sin=float(np.sin(lidar.yaw)),
         noise_std=lidar.noise_std,
+        normal_values=normal_values(),
     )

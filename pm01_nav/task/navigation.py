@@ -73,6 +73,7 @@ class NavigationBatch:
             num_envs,
             control_dt=config.control_dt,
             goal_distance=config.goal_distance_limits(),
+            sectors=self.layout.sectors,
         )
         self._scale = np.array(self.layout.scale, dtype=np.float32)
         self._count = np.zeros(num_envs, dtype=np.int64)
@@ -96,7 +97,7 @@ class NavigationBatch:
         sim = self.simulator
         observation = build_observation(
             self.layout,
-            sim.scan[indices],
+            sim.state.nearest[indices],
             sim.state.goal_polar[indices],
             sim.state.twist[indices],
             self._action[indices],

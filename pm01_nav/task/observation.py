@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 from pm01_nav.errors import InputError
@@ -80,7 +81,7 @@ class ObservationLayout:
                 f"sectors = {self.sectors}: must divide the number of beams, {self.scan.num_beams}"
             )
 
-    @property
+    @cached_property
     def parts(self) -> tuple[Part, ...]:
         """The observation's parts in order."""
         size = self.sectors or self.scan.num_beams
@@ -104,7 +105,7 @@ class ObservationLayout:
             parts.append(Part("previous_action", 2, -1.0, 1.0, "1"))
         return tuple(parts)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """How many numbers an observation has."""
         return sum(part.size for part in self.parts)
@@ -157,33 +158,34 @@ def discard_invalid(scan: Any, geometry: ScanGeometry) -> Any:
 
 
 def pool_sectors(ranges: Any, sectors: int) -> Any:
-    """Return the nearest range in each of ``sectors`` equal sectors, shape (..., sectors)."""
+    """Return the nearest range in each of ``sectors`` equal sectors, shape (..., sectors).
+
+    With 0 sectors every beam is one. Environments have this from the simulator.
+    """
+    if sectors == 0:
+        return ranges
     xp = ranges.__array_namespace__()
     grouped = xp.reshape(ranges, (*ranges.shape[:-1], sectors, ranges.shape[-1] // sectors))
-    # Beam by beam, each over all sectors: many times faster than a minimum over a short last axis.
-    nearest = grouped[..., 0]
-    for beam in range(1, grouped.shape[-1]):
-        nearest = xp.minimum(nearest, grouped[..., beam])
-    return nearest
+    return xp.min(grouped, axis=-1)
 
 
 def build_observation(
-    layout: ObservationLayout, scan: Any, goal: Any, velocity: Any, previous_action: Any
+    layout: ObservationLayout, nearest: Any, goal: Any, velocity: Any, previous_action: Any
 ) -> Any:
     """Build observations in physical units, shape (..., layout.size), float32.
 
-    ``scan`` (..., num_beams) by REP-117 with nothing invalid in it [m], ``goal`` (..., 2) distance
-    and bearing [m, rad], ``velocity`` (..., 2) v and w [m/s, rad/s], ``previous_action`` (..., 2)
-    in [-1, 1]. No return shows as range_max, and too close as range_min.
+    ``nearest`` (..., sectors or num_beams) is the nearest range of each sector, by REP-117 with
+    nothing invalid in it [m], ``goal`` (..., 2) distance and bearing [m, rad], ``velocity``
+    (..., 2) v and w [m/s, rad/s], ``previous_action`` (..., 2) in [-1, 1]. No return shows as
+    range_max, and too close as range_min.
     """
-    xp = scan.__array_namespace__()
-    ranges = pool_sectors(scan, layout.sectors) if layout.sectors else scan
-    ranges = _clip(xp, ranges, layout.scan.range_min, layout.scan.range_max)
+    xp = nearest.__array_namespace__()
+    ranges = _clip(xp, nearest, layout.scan.range_min, layout.scan.range_max)
     if layout.nearness_distance > 0.0:
         distance = layout.nearness_distance
         ranges = (distance - ranges) / (distance + ranges)
     limits = layout.limits
-    parts = [ranges, xp.minimum(goal[..., :1], xp.asarray(layout.goal_distance_max))]
+    parts = [ranges, xp.minimum(goal[..., :1], layout.goal_distance_max)]
     if layout.goal == "polar":
         parts.append(goal[..., 1:])
     else:
@@ -192,7 +194,7 @@ def build_observation(
     parts.append(_clip(xp, velocity[..., 1:], -limits.angular_max, limits.angular_max))
     if layout.previous_action:
         parts.append(previous_action)
-    observation = xp.empty((*scan.shape[:-1], layout.size), dtype=xp.float32)
+    observation = xp.empty((*nearest.shape[:-1], layout.size), dtype=xp.float32)
     begin = 0
     for part in parts:
         end = begin + part.shape[-1]
@@ -203,4 +205,4 @@ def build_observation(
 
 def _clip(xp: Any, values: Any, low: float, high: float) -> Any:
     # Two plain calls: numpy's clip costs more than the rest of a small observation together.
-    return xp.minimum(xp.maximum(values, xp.asarray(low, dtype=values.dtype)), high)
+    return xp.minimum(xp.maximum(values, low), high)

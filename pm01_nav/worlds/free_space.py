@@ -199,7 +199,7 @@ def line_is_free(free, row, column, row_end, column_end):
     return True
 
 
-@compiled
+@compiled(allocates=True)
 def _grid_path(free, row, column, row_end, column_end):
     """Return the cells of a shortest 8-connected path, start first, shape (n, 2)."""
     height, width = free.shape
@@ -244,7 +244,7 @@ def _grid_path(free, row, column, row_end, column_end):
     return path
 
 
-@compiled
+@compiled(allocates=True)
 def _taut(free, cells):
     """Return the indices of the cells left after skipping all that can be seen past."""
     count = cells.shape[0]
