@@ -12,6 +12,7 @@ from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import kernels
 from pm01_nav.sim.random import stream_keys
 from pm01_nav.sim.state import SimState, TimeStep, base_params, lidar_params, new_state
+from pm01_nav.sim.threads import ThreadChoice
 from pm01_nav.worlds.pool import WorldPool
 
 FEW = 64
@@ -51,6 +52,7 @@ class PlanarSimulator:
             num_envs, robot.lidar.num_beams, sectors or robot.lidar.num_beams
         )
         self._goal_distance = np.array(goal_distance, dtype=np.float64)
+        self._threads = ThreadChoice()
         self._base = base_params(robot)
         self._lidar = lidar_params(robot)
         fastest = max(robot.limits.linear_max, -robot.limits.linear_min)
@@ -83,8 +85,14 @@ class PlanarSimulator:
 
     def step(self, command: NDArray[np.float64]) -> None:
         """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step."""
-        kernels.step_batch(
-            self.state, command, self._base, self._lidar, self.pool.arrays, self._time
+        self._threads(
+            kernels.step_batch,
+            self.state,
+            command,
+            self._base,
+            self._lidar,
+            self.pool.arrays,
+            self._time,
         )
 
     def place(self, indices: NDArray[np.int64], poses: ArrayLike, goals: ArrayLike) -> None:

@@ -75,6 +75,8 @@ class NavigationBatch:
             goal_distance=config.goal_distance_limits(),
             sectors=self.layout.sectors,
         )
+        # Attributes of pydantic models are slow to read.
+        self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
         self._scale = np.array(self.layout.scale, dtype=np.float32)
         self._count = np.zeros(num_envs, dtype=np.int64)
         self._action = np.zeros((num_envs, 2))
@@ -140,8 +142,8 @@ class NavigationBatch:
         step = self.advance(self.layout.limits.to_command(action))
         step.action, step.previous_action = action, self._action
         terms = np.empty_like(self._term_sums)
-        for row, (name, term) in zip(terms, self.config.rewards.items(), strict=True):
-            np.multiply(term.weight, REWARDS[name](step, **term.params), out=row)
+        for row, (function, weight, params) in zip(terms, self._rewards, strict=True):
+            np.multiply(weight, function(step, **params), out=row)
         self._term_sums += terms
         self._action = action
         terminated = step.reached | step.collided

@@ -190,8 +190,9 @@ def build_observation(
         parts.append(goal[..., 1:])
     else:
         parts += [xp.sin(goal[..., 1:]), xp.cos(goal[..., 1:])]
-    parts.append(_clip(xp, velocity[..., :1], limits.linear_min, limits.linear_max))
-    parts.append(_clip(xp, velocity[..., 1:], -limits.angular_max, limits.angular_max))
+    low = xp.asarray([limits.linear_min, -limits.angular_max], dtype=velocity.dtype)
+    high = xp.asarray([limits.linear_max, limits.angular_max], dtype=velocity.dtype)
+    parts.append(_clip(xp, velocity, low, high))
     if layout.previous_action:
         parts.append(previous_action)
     observation = xp.empty((*nearest.shape[:-1], layout.size), dtype=xp.float32)
@@ -203,6 +204,6 @@ def build_observation(
     return observation
 
 
-def _clip(xp: Any, values: Any, low: float, high: float) -> Any:
+def _clip(xp: Any, values: Any, low: Any, high: Any) -> Any:
     # Two plain calls: numpy's clip costs more than the rest of a small observation together.
     return xp.minimum(xp.maximum(values, low), high)
