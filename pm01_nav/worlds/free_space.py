@@ -50,6 +50,21 @@ class FreeSpace:
         y = self.origin[1] + (rows + 0.5) * self.resolution
         return np.stack([x, y], axis=-1).astype(np.float64)
 
+    def within(
+        self, area: tuple[float, float, float, float], margin: float = 0.0
+    ) -> NDArray[np.bool_]:
+        """Tell which cells' centres lie in an area, ``margin`` [m] from its edges or more.
+
+        Same shape as ``free``.
+        """
+        height, width = self.free.shape
+        x, y = self.centre(np.arange(max(height, width)), np.arange(max(height, width))).T
+        # A hair more, because centres are computed and areas are round numbers.
+        least = margin - 1e-9
+        across = (x >= area[0] + least) & (x <= area[2] - least)
+        up = (y >= area[1] + least) & (y <= area[3] - least)
+        return up[:height, None] & across[None, :width]
+
 
 def free_space(world: World, radius: float, resolution: float = 0.1) -> FreeSpace:
     """Rasterise a world for a disc of ``radius`` [m] on cells of ``resolution`` [m]."""
@@ -163,27 +178,35 @@ def distance_to_occupied(grid: OccupancyGrid) -> NDArray[np.float32]:
     return np.asarray(ndimage.distance_transform_edt(grid.occupied == 0), dtype=np.float32)
 
 
-def shortest_path_length(
+def shortest_path(
     space: FreeSpace, start: tuple[float, float], goal: tuple[float, float]
-) -> float:
-    """Return the length of a shortest free path [m]; infinity if there is none.
+) -> FloatArray:
+    """Return a shortest free path with its end points, shape (n, 2) [m]; no rows if there is none.
 
     Dijkstra on 8 neighbours, then the path is pulled taut between cells that see each other.
     The end points need not be cell centres.
     """
     first, last = space.cell(*start), space.cell(*goal)
     if first is None or last is None:
-        return float("inf")
-    straight = float(np.hypot(goal[0] - start[0], goal[1] - start[1]))
+        return np.zeros((0, 2))
     if line_is_free(space.free, *first, *last):
-        return straight
+        return np.array([start, goal], dtype=np.float64)
     cells = _grid_path(space.free, first[0], first[1], last[0], last[1])
     if len(cells) == 0:
-        return float("inf")
+        return np.zeros((0, 2))
     corners = space.centre(cells[:, 0], cells[:, 1])
     corners[0], corners[-1] = start, goal
-    kept = corners[_taut(space.free, cells)]
-    return max(straight, float(np.linalg.norm(np.diff(kept, axis=0), axis=1).sum()))
+    return corners[_taut(space.free, cells)]
+
+
+def shortest_path_length(
+    space: FreeSpace, start: tuple[float, float], goal: tuple[float, float]
+) -> float:
+    """Return the length of a shortest free path [m]; infinity if there is none."""
+    path = shortest_path(space, start, goal)
+    if len(path) == 0:
+        return float("inf")
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 @compiled
