@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import io
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from pm01_nav.config import write_atomically
+from pm01_nav.errors import InputError
 from pm01_nav.rendering.canvas import (
     GOAL,
     INK,
@@ -27,7 +30,7 @@ from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
 
-PANEL_WIDTH = 260
+PANEL_WIDTH = 300
 """Of one world's picture [px]; its height follows from the first world's shape."""
 COLUMNS = 4
 EPISODES = 2
@@ -43,20 +46,33 @@ SPEED_SECONDS = 1.5
 MAX_DRAWS = 100
 
 
-def draw_sheet(pool: WorldPool, titles: Sequence[str], seed: int = 0) -> Image.Image:
-    """Draw the worlds of a pool side by side; ``seed`` chooses starts and goals.
-
-    ``titles`` holds one short text a world, which stands below it beside the paths' lengths.
-    """
+def draw_sheet(pool: WorldPool, seed: int = 0) -> Image.Image:
+    """Draw the worlds of a pool side by side, each with its name; ``seed`` chooses the episodes."""
     width, height = _panel_size(pool.worlds[0])
     columns = min(COLUMNS, len(pool))
     rows = -(-len(pool) // columns)
     sheet = Image.new("RGB", (columns * width, rows * height), PAGE)
-    for index, title in enumerate(titles):
+    for index, world in enumerate(pool.worlds):
         episodes = sample_episodes(pool, index, np.random.default_rng([seed, index]))
-        panel = _draw_panel(pool.worlds[index], (width, height), episodes, title)
+        panel = _draw_panel(world, (width, height), episodes)
         sheet.paste(panel, (index % columns * width, index // columns * height))
     return sheet.quantize(COLORS, dither=Image.Dither.NONE)
+
+
+def save_sheet(sheet: Image.Image, path: str | Path) -> None:
+    """Write a sheet as a PNG.
+
+    Raises:
+        InputError: the path has another suffix, or its folder does not exist.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".png":
+        raise InputError(f"output = {path}: unknown suffix; allowed: .png")
+    if not path.resolve().parent.is_dir():
+        raise InputError(f"output = {path}: its folder does not exist")
+    content = io.BytesIO()
+    sheet.save(content, format="PNG", optimize=True)
+    write_atomically(path, content.getvalue())
 
 
 def sample_episodes(
@@ -91,9 +107,7 @@ def _panel_size(world: World) -> tuple[int, int]:
     return PANEL_WIDTH, height
 
 
-def _draw_panel(
-    world: World, size: tuple[int, int], paths: list[FloatArray], title: str
-) -> Image.Image:
+def _draw_panel(world: World, size: tuple[int, int], paths: list[FloatArray]) -> Image.Image:
     """Draw one world with its movers, and paths from a dot to a ring."""
     picture = draw_world(world, fit(world.bounds, size), size)
     pen = _Pen(picture, fit(world.bounds, size).magnified(SUPERSAMPLING))
@@ -110,7 +124,7 @@ def _draw_panel(
     panel = picture.reduce(SUPERSAMPLING)
     lengths = ", ".join(f"{np.linalg.norm(np.diff(p, axis=0), axis=1).sum():.1f}" for p in paths)
     font = ImageFont.load_default(11)
-    text = f"{title}   {lengths} m"
+    text = f"{world.name} \u00b7 {lengths} m"
     ImageDraw.Draw(panel).text((size[0] / 2, size[1] - 10), text, INK, font, "mm")
     return panel
 

@@ -199,15 +199,23 @@ def generate_pool(
     Raises:
         InputError: a seed gave no usable world in many attempts.
     """
-    seeds = list(seeds)
-    drawn = [_generate(generator, seed, radius) for seed in seeds]
+    return pack_pool([draw_world(generator, seed, radius) for seed in seeds], radius)
+
+
+def pack_pool(drawn: Sequence[tuple[World, Places]], radius: float) -> WorldPool:
+    """Pack worlds with places that were found for a disc of ``radius`` [m]."""
     worlds = [world for world, _ in drawn]
     return WorldPool(tuple(worlds), _pack(worlds, [places for _, places in drawn]), radius)
 
 
-def _generate(
+def draw_world(
     generator: Callable[[np.random.Generator], World], seed: int, radius: float
 ) -> tuple[World, Places]:
+    """Draw one world and where episodes in it may start and end; see ``generate_pool``.
+
+    Raises:
+        InputError: the seed gave no usable world in many attempts.
+    """
     problem: InputError | None = None
     for attempt in range(MAX_ATTEMPTS):
         world = generator(np.random.default_rng([seed, attempt]))

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pm01_nav.worlds.free_space import free_space
 from pm01_nav.worlds.suites.layout import (
     PASSAGE,
     Area,
@@ -17,6 +19,7 @@ from pm01_nav.worlds.suites.layout import (
     divide,
     merge_walls,
     room_walls,
+    turned,
 )
 from pm01_nav.worlds.world import World
 
@@ -24,6 +27,8 @@ FloatArray = NDArray[np.float64]
 
 CORRIDOR = (0.8, 1.6)
 """Width of a corridor [m]."""
+HAIR = 1e-6
+"""For comparisons of what touches [m]."""
 DOOR = (0.8, 1.2)
 """Width of a door [m]."""
 DOOR_MARGIN = 0.1
@@ -40,13 +45,17 @@ def corridors(rng: np.random.Generator) -> World:
     # Each outer wall has a corridor along it with probability 1/2, of width U(0.8, 1.6) m.
     ring = rng.uniform(*CORRIDOR, 4) * (rng.random(4) < 0.5)
     inner = (ring[0], ring[1], width - ring[2], height - ring[3])
-    # Blocks: longer side at most U(3, 4.5) m; corridors between them U(0.8, 1.6) m wide.
-    for block in divide(inner, rng, (3.0, 4.5), CORRIDOR, (0.35, 0.65)):
-        # An open place instead of the block with probability 0.12.
-        if rng.random() < 0.12:
+    # Blocks: longer side at most U(3, 5) m; corridors between them U(0.8, 1.6) m wide.
+    for block in divide(inner, rng, (3.0, 5.0), CORRIDOR, (0.3, 0.7)):
+        # A block of up to 5 m^2 is left out with probability 0.2: an open place.
+        small = (block[2] - block[0]) * (block[3] - block[1]) <= 5.0
+        if rng.random() < 0.2 and small:
             _open_place(layout, block, rng)
         else:
             layout.polygons.append(_block(block, rng))
+    # Corridors to try to close: uniform on 1 ... 6.
+    for _ in range(rng.integers(1, 7)):
+        _close_corridor(layout, rng)
     # Things in the way: uniform on 0 ... 6.
     for _ in range(rng.integers(0, 7)):
         _leave_standing(layout, rng)
@@ -78,23 +87,51 @@ def _open_place(layout: Layout, area: Area, rng: np.random.Generator) -> None:
         layout.add_disc_if_clear(x, y, rng.uniform(0.1, 0.3))
 
 
-def _leave_standing(layout: Layout, rng: np.random.Generator) -> None:
-    """Put a disc at the side of a random block, unless it would close the corridor."""
-    if not layout.polygons:
+def _close_corridor(layout: Layout, rng: np.random.Generator) -> None:
+    """Put a wall across a corridor where that leaves a dead end but no place cut off."""
+    beside = _beside_block(layout, rng)
+    if beside is None:
         return
+    place, outward = beside
+    width = layout.ray(place + HAIR * outward, outward)
+    if width > CORRIDOR[1]:
+        return
+    wall = np.concatenate([place, place + width * outward])[None]
+    closed = replace(layout, segments=[*layout.segments, wall])
+    if _num_regions(closed) <= _num_regions(layout):
+        layout.segments.append(wall)
+
+
+def _num_regions(layout: Layout) -> int:
+    return int(free_space(layout.world("corridors"), 0.5 * PASSAGE).regions().max())
+
+
+def _leave_standing(layout: Layout, rng: np.random.Generator) -> None:
+    """Put a disc at the side of a corridor where it leaves a passage."""
+    beside = _beside_block(layout, rng)
+    if beside is None:
+        return
+    place, outward = beside
+    # Radius U(0.08, 0.2) m.
+    radius = rng.uniform(0.08, 0.2)
+    width = layout.ray(place + HAIR * outward, outward)
+    x, y = place + radius * outward
+    # It touches the block, and nothing else may be nearer.
+    alone = layout.clearance(np.array([[x, y]])) >= radius - HAIR
+    if alone and 2.0 * radius + PASSAGE <= width < np.inf:
+        layout.discs.append((x, y, radius))
+
+
+def _beside_block(layout: Layout, rng: np.random.Generator) -> tuple[FloatArray, FloatArray] | None:
+    """Draw a place on the outline of a block; return it and the direction away from the block."""
+    if not layout.polygons:
+        return None
+    # The block and its side are uniform; the place is at U(0.1, 0.9) of the side.
     outline = layout.polygons[rng.integers(len(layout.polygons))]
-    # At U(0.1, 0.9) of a side; radius U(0.08, 0.2) m.
     side = rng.integers(len(outline))
     begin, end = outline[side], outline[(side + 1) % len(outline)]
-    place = begin + rng.uniform(0.1, 0.9) * (end - begin)
-    radius = rng.uniform(0.08, 0.2)
     outward = np.array([end[1] - begin[1], begin[0] - end[0]]) / np.linalg.norm(end - begin)
-    # In the middle of what must stay free beside it.
-    passing = place + (2.0 * radius + 0.5 * PASSAGE) * outward
-    beyond = layout.clearance(passing[None])
-    centre = place + radius * outward
-    if beyond >= 0.5 * PASSAGE and layout.clearance(centre[None]) >= radius - 1e-6:
-        layout.discs.append((float(centre[0]), float(centre[1]), radius))
+    return begin + rng.uniform(0.1, 0.9) * (end - begin), outward
 
 
 class _Border(NamedTuple):
@@ -240,20 +277,19 @@ def _add_leaf(layout: Layout, door: _Door, rng: np.random.Generator) -> None:
 def _furnish(layout: Layout, room: Area, doors: list[_Door], rng: np.random.Generator) -> None:
     """Put furniture against the walls and, in large rooms, into the middle."""
     size = (room[2] - room[0]) * (room[3] - room[1])
-    # Pieces to try: uniform on 1 ... 3, and one more for each 8 m^2.
-    for _ in range(int(rng.integers(1, 4)) + int(size / 8.0)):
-        # Against a wall with probability 0.6, else standing free.
-        against_wall = rng.random() < 0.6
-        box = _against_wall(room, rng) if against_wall else _free_standing(room, rng)
-        x, y, length, width, _ = box
-        if min(length, width) <= 0.0 or not _keeps_doors_free(box, doors):
-            continue
-        # A free one is round with probability 0.5.
-        if not against_wall and rng.random() < 0.5:
-            layout.add_disc_if_clear(x, y, 0.5 * width)
-        else:
+    # Pieces to try: uniform on 1 ... 3, and one more for each 6 m^2.
+    for _ in range(int(rng.integers(1, 4)) + int(size / 6.0)):
+        # Against a wall with probability 0.45, a plant or bin in a corner 0.2, a table 0.35.
+        kind = rng.choice(3, p=(0.45, 0.2, 0.35))
+        if kind == 0:
+            box = _against_wall(room, rng)
             # The wall it stands against does not count.
-            layout.add_box_if_clear(box, walls=not against_wall)
+            if _keeps_doors_free(box, doors):
+                layout.add_box_if_clear(box, walls=False)
+        elif kind == 1:
+            _put_in_corner(layout, room, doors, rng)
+        else:
+            _put_table(layout, room, doors, rng)
 
 
 def _against_wall(room: Area, rng: np.random.Generator) -> Box:
@@ -272,12 +308,56 @@ def _against_wall(room: Area, rng: np.random.Generator) -> Box:
     return float(centre[0]), float(centre[1]), *sides, 0.0
 
 
-def _free_standing(room: Area, rng: np.random.Generator) -> Box:
-    """Draw a table anywhere in a room."""
-    # Centre uniform; length U(0.5, 1.4) m, width U(0.4, 0.9) m; yaw U(-0.3, 0.3) rad.
+def _put_in_corner(
+    layout: Layout, room: Area, doors: list[_Door], rng: np.random.Generator
+) -> None:
+    # Radius U(0.12, 0.25) m; the corner is uniform.
+    radius = rng.uniform(0.12, 0.25)
+    right, up = rng.integers(2, size=2)
+    x = room[2] - radius if right else room[0] + radius
+    y = room[3] - radius if up else room[1] + radius
+    # It touches two walls, which do not count.
+    gap = layout.clearance(np.array([[x, y]]), walls=False) - radius
+    if gap >= PASSAGE and _keeps_doors_free((x, y, 2.0 * radius, 2.0 * radius, 0.0), doors):
+        layout.discs.append((x, y, radius))
+
+
+def _put_table(layout: Layout, room: Area, doors: list[_Door], rng: np.random.Generator) -> None:
+    """Put a table anywhere in a room, with chairs around it."""
+    # Centre uniform; length U(0.6, 1.4) m, width U(0.5, 0.9) m; yaw U(-0.3, 0.3) rad. Round with
+    # probability 0.5, as large as it is wide.
     x, y = rng.uniform(room[:2], room[2:])
-    length, width = rng.uniform(0.5, 1.4), rng.uniform(0.4, 0.9)
-    return x, y, length, width, rng.uniform(-0.3, 0.3)
+    length, width = rng.uniform(0.6, 1.4), rng.uniform(0.5, 0.9)
+    yaw = rng.uniform(-0.3, 0.3)
+    is_round = rng.random() < 0.5
+    length = width if is_round else length
+    if not _keeps_doors_free((x, y, length, width, yaw), doors):
+        return
+    table = (x, y, length, width, yaw)
+    chairs = [
+        (cx, cy, radius)
+        for cx, cy, radius in _chairs(table, rng)
+        if layout.clearance(np.array([[cx, cy]])) - radius >= PASSAGE
+        and _keeps_doors_free((cx, cy, 2.0 * radius, 2.0 * radius, 0.0), doors)
+    ]
+    if is_round:
+        placed = layout.add_disc_if_clear(x, y, 0.5 * width)
+    else:
+        placed = layout.add_box_if_clear(table)
+    if placed:
+        layout.discs += chairs
+
+
+def _chairs(table: Box, rng: np.random.Generator) -> list[tuple[float, float, float]]:
+    """Draw chairs at the four sides of a table, each half under it: x, y, radius [m]."""
+    x, y, length, width, yaw = table
+    sides = np.array(
+        [[0.5 * length, 0.0], [-0.5 * length, 0.0], [0.0, 0.5 * width], [0.0, -0.5 * width]]
+    )
+    places = turned(sides, (x, y), yaw)
+    # A chair stands at each side with probability 1/2; radius U(0.15, 0.22) m.
+    there = rng.random(4) < 0.5
+    return [(*place, rng.uniform(0.15, 0.22)) for place in places[there].tolist()]
 
 
 def _keeps_doors_free(box: Box, doors: list[_Door]) -> bool:

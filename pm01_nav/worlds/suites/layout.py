@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.geometry import points_in_polygon, polygon_edges, rectangle
-from pm01_nav.worlds.free_space import free_space
+from pm01_nav.worlds.free_space import FreeSpace, free_space
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.world import World
 
@@ -53,6 +53,21 @@ class Layout:
         if any(points_in_polygon(points, polygon).any() for polygon in self.polygons):
             return 0.0
         return max(distance, 0.0)
+
+    def ray(self, origin: FloatArray, direction: FloatArray) -> float:
+        """Return how far a ray goes until it meets a wall or a polygon [m], infinity if never.
+
+        ``direction`` is a unit vector.
+        """
+        walls = np.concatenate([*self.segments, *map(polygon_edges, self.polygons)])
+        offset, extent = walls[:, :2] - origin, walls[:, 2:] - walls[:, :2]
+        across = direction[0] * extent[:, 1] - direction[1] * extent[:, 0]
+        # Walls along the ray are met edge-on, where they have no width.
+        across = np.where(np.abs(across) < 1e-12, np.nan, across)
+        distance = (offset[:, 0] * extent[:, 1] - offset[:, 1] * extent[:, 0]) / across
+        along = (offset[:, 0] * direction[1] - offset[:, 1] * direction[0]) / across
+        met = (distance >= 0.0) & (along >= 0.0) & (along <= 1.0)
+        return float(distance[met].min(initial=np.inf))
 
     def add_box(self, box: Box) -> None:
         """Put down a solid rectangle."""
@@ -178,14 +193,13 @@ def divide(
     return parts
 
 
-def walkable(layout: Layout, radius: float) -> FloatArray:
-    """Return places, all connected, where a disc of ``radius`` [m] touches nothing, shape (n, 2).
+def walkable(layout: Layout, radius: float) -> FreeSpace:
+    """Return the largest connected region in whose cells' centres a disc touches nothing.
 
-    They are the centres of the cells of the largest free region.
+    ``radius`` is the disc's [m].
     """
     space = free_space(layout.world("layout"), radius)
     regions = space.regions()
     sizes = np.bincount(regions.ravel())
     sizes[0] = 0
-    rows, columns = np.nonzero((regions == sizes.argmax()) & (regions > 0))
-    return space.centre(rows, columns)
+    return replace(space, free=(regions == sizes.argmax()) & space.free)

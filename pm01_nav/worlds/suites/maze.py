@@ -12,10 +12,10 @@ from pm01_nav.worlds.world import World
 Cell = tuple[int, int]
 BoolArray = NDArray[np.bool_]
 
-CELLS = (6, 9)
-"""Least and greatest number of passages along each side."""
-PASSAGE_WIDTH = (0.9, 1.6)
-"""Width of a passage before the maze is fitted to its size [m]."""
+LEAST_SIDE = 9.2
+"""Of the maze [m]."""
+PASSAGE_WIDTH = (0.85, 1.6)
+"""[m]"""
 
 
 def maze(rng: np.random.Generator) -> World:
@@ -24,22 +24,28 @@ def maze(rng: np.random.Generator) -> World:
     It grows from cell to cell: from the latest one, which gives long ways, or from a random one,
     which gives many short dead ends.
     """
-    # Passages along x and y: uniform on 6 ... 9; each U(0.9, 1.6) m wide.
-    columns, rows = rng.integers(CELLS[0], CELLS[1] + 1, 2)
-    x, y = (
-        np.concatenate([[0.0], np.cumsum(rng.uniform(*PASSAGE_WIDTH, n))]) for n in (columns, rows)
-    )
+    x, y = _edges(rng), _edges(rng)
+    columns, rows = len(x) - 1, len(y) - 1
     # It grows from the latest cell with probability U(0.5, 1).
     latest = rng.uniform(0.5, 1.0)
-    right, above = _grow(int(columns), int(rows), latest, rng)
-    # Each wall that is left falls with probability U(0, 0.15).
-    falls = rng.uniform(0.0, 0.15)
+    right, above = _grow(columns, rows, latest, rng)
+    # Each wall that is left falls with probability U(0, 0.12).
+    falls = rng.uniform(0.0, 0.12)
     right |= rng.random(right.shape) < falls
     above |= rng.random(above.shape) < falls
     walls: list[Area] = [(x[i + 1], y[j], x[i + 1], y[j + 1]) for i, j in np.argwhere(~right)]
     walls += [(x[i], y[j + 1], x[i + 1], y[j + 1]) for i, j in np.argwhere(~above)]
-    bounds = (0.0, 0.0, float(x[-1]), float(y[-1]))
+    bounds = (0.0, 0.0, x[-1], y[-1])
     return Layout(bounds, [room_walls(*bounds), merge_walls(walls)]).world("maze")
+
+
+def _edges(rng: np.random.Generator) -> list[float]:
+    """Draw where n passages begin and end along one side, n + 1 coordinates [m]."""
+    # Each U(0.85, 1.6) m wide, until the side is 9.2 m long or more.
+    edges = [0.0]
+    while edges[-1] < LEAST_SIDE:
+        edges.append(edges[-1] + rng.uniform(*PASSAGE_WIDTH))
+    return edges
 
 
 def _grow(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.geometry import rectangle
+from pm01_nav.worlds.free_space import FreeSpace, line_is_free
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.suites.layout import Box, Layout, box_points, room_walls, walkable
 from pm01_nav.worlds.world import World
@@ -24,7 +25,7 @@ PEDESTRIAN = (0.2, 0.3)
 """Radius of a pedestrian [m]."""
 APART = 0.1
 """Between pedestrians when they set out, and from walls at all places they walk to [m]."""
-AISLE = (1.4, 2.0)
+AISLE = (1.3, 1.8)
 """Width of an aisle [m]."""
 WAY = 3.0
 """Least distance between successive places of a pedestrian [m]."""
@@ -60,13 +61,13 @@ def _pedestrians(
     layout: Layout, count: int, rng: np.random.Generator, others: tuple[Mover, ...] = ()
 ) -> list[Mover]:
     """Draw pedestrians whose places are free, and who do not touch each other at first."""
-    places = walkable(layout, PEDESTRIAN[1] + APART)
+    space = walkable(layout, PEDESTRIAN[1] + APART)
     pedestrians: list[Mover] = []
     # Up to 20 draws for each.
     for _ in range(20 * count):
         if len(pedestrians) == count:
             break
-        walker = _pedestrian(places, rng)
+        walker = _pedestrian(space, rng)
         distance = [
             np.hypot(*(walker.points[0] - m.points[0])) - walker.radius - m.radius
             for m in [*pedestrians, *others]
@@ -76,19 +77,32 @@ def _pedestrians(
     return pedestrians
 
 
-def _pedestrian(places: FloatArray, rng: np.random.Generator) -> Mover:
+def _pedestrian(space: FreeSpace, rng: np.random.Generator) -> Mover:
     """Draw one pedestrian, who wanders or walks to and fro."""
     # Radius U(0.2, 0.3) m; speed U(0.4, 1.2) m/s: strolling to walking indoors.
     radius, speed = rng.uniform(*PEDESTRIAN), rng.uniform(0.4, 1.2)
-    # Wandering with probability 1/2, else between 2 ... 4 places (uniform).
-    num_points = 1 if rng.random() < 0.5 else rng.integers(2, 5)
-    # Each place is uniform on the free ones at least 3 m from the place before.
-    points = [places[rng.integers(len(places))]]
-    while len(points) < num_points:
-        apart = np.hypot(*(places - points[-1]).T)
-        far = places[apart >= min(WAY, apart.max())]
-        points.append(far[rng.integers(len(far))])
-    return Mover("pedestrian", radius, np.array(points), speed=speed)
+    # Wandering with probability 1/2, else round 2 ... 4 places (uniform).
+    num_places = 1 if rng.random() < 0.5 else int(rng.integers(2, 5))
+    return Mover("pedestrian", radius, _walk(space, num_places, rng), speed=speed)
+
+
+def _walk(space: FreeSpace, num_places: int, rng: np.random.Generator) -> FloatArray:
+    """Draw places that can be walked to in turn on straight lines, and back, shape (n, 2) [m].
+
+    Where no such round was found it is shorter, down to a single place.
+    """
+    free = np.argwhere(space.free)
+    cells = [free[rng.integers(len(free))]]
+    # Each further place is uniform on the free ones; up to 10 draws for each.
+    for _ in range(10 * (num_places - 1)):
+        if len(cells) == num_places:
+            break
+        cell = free[rng.integers(len(free))]
+        far = np.hypot(*(cell - cells[-1])) * space.resolution >= WAY
+        if far and all(line_is_free(space.free, *cell, *c) for c in (cells[0], cells[-1])):
+            cells.append(cell)
+    rows, columns = np.array(cells).T
+    return space.centre(rows, columns)
 
 
 def warehouse(rng: np.random.Generator) -> World:
@@ -96,17 +110,18 @@ def warehouse(rng: np.random.Generator) -> World:
     bounds = (0.0, 0.0, SIDE, SIDE)
     layout = Layout(bounds, [room_walls(*bounds)])
     shelves = _shelves(rng)
-    # One shelf in eight is missing.
-    standing = [shelf for shelf in shelves if rng.random() >= 0.125]
+    # A shelf is missing with probability 0.1, but never a whole row of one.
+    long = len({shelf[0] for shelf in shelves}) == 1
+    standing = [shelf for shelf in shelves if rng.random() >= 0.1 or long]
     # Rows run along x or along y with equal probability.
     if rng.random() < 0.5:
         standing = [(y, x, width, length) for x, y, length, width in standing]
     for shelf in standing:
         layout.add_box((*shelf, 0.0))
     carts = _carts(layout, standing, rng)
-    # Pallets: 1.2 m x 0.8 m, uniform on 0 ... 3, anywhere; yaw U(-0.2, 0.2) rad or a quarter turn
-    # more; they do not stand in the way of a cart.
-    for _ in range(rng.integers(0, 4)):
+    # Pallets of 1.2 m x 0.8 m, anywhere but in the way of a cart; yaw U(-0.2, 0.2) rad or a quarter
+    # turn more. Draws: uniform on 0 ... 24, of which few find room.
+    for _ in range(rng.integers(0, 25)):
         x, y = rng.uniform(0.8, SIDE - 0.8, 2)
         yaw = rng.uniform(-0.2, 0.2) + 0.5 * np.pi * rng.integers(2)
         _add_pallet(layout, (x, y, 1.2, 0.8, yaw), carts)
@@ -117,14 +132,15 @@ def warehouse(rng: np.random.Generator) -> World:
 
 def _shelves(rng: np.random.Generator) -> list[Shelf]:
     """Draw rows of shelves along x with aisles all around them."""
-    # Aisles U(1.4, 2) m: a cart and a robot pass each other. Shelves per row: uniform on 1 ... 3.
+    # Aisles U(1.3, 1.8) m: a cart and a robot pass each other. Shelves per row: uniform on 1 ... 3.
     left, right = rng.uniform(*AISLE, 2)
     num_runs = int(rng.integers(1, 4))
     crossings = rng.uniform(*AISLE, num_runs - 1)
     length = (SIDE - left - right - crossings.sum()) / num_runs
     begins = left + np.concatenate([[0.0], np.cumsum(length + crossings)])
     shelves = []
-    y = rng.uniform(*AISLE)
+    # The first row stands against the wall with probability 1/2.
+    y = rng.uniform(*AISLE) * (rng.random() < 0.5)
     # Depth U(0.5, 1) m, the same in a row.
     while y + (depth := rng.uniform(0.5, 1.0)) <= SIDE - AISLE[0]:
         shelves += [(float(x) + 0.5 * length, y + 0.5 * depth, length, depth) for x in begins]
@@ -153,17 +169,20 @@ def _cart(shelf: Shelf, rng: np.random.Generator) -> Mover:
     # Radius U(0.22, 0.32) m, speed U(0.3, 0.7) m/s, U(0.5, 0.7) m beside the shelf.
     radius, speed, beside = rng.uniform(0.22, 0.32), rng.uniform(0.3, 0.7), rng.uniform(0.5, 0.7)
     way = rectangle(x, y, length + 2.0 * beside, width + 2.0 * beside)
-    # Any corner is the first, either way round.
-    way = np.roll(way, rng.integers(4), axis=0)[:: 1 if rng.random() < 0.5 else -1]
-    # To and fro on the side that begins there with probability 0.4.
-    return Mover("loop", radius, way[:2] if rng.random() < 0.4 else way, speed=speed)
+    # Round the shelf with probability 0.6, from any corner; else to and fro along a longer side.
+    if rng.random() < 0.6:
+        way = np.roll(way, rng.integers(4), axis=0)
+    else:
+        way = np.roll(way, 0 if length >= width else 1, axis=0)[2 * rng.integers(2) :][:2]
+    # Either way round, or from either end.
+    return Mover("loop", radius, way[:: 1 if rng.random() < 0.5 else -1], speed=speed)
 
 
 def way_points(mover: Mover) -> FloatArray:
-    """Return points along the closed way of a loop, 0.1 m apart or less, shape (n, 2)."""
+    """Return points along the closed way of a loop, 0.2 m apart or less, shape (n, 2)."""
     pieces = []
     for begin, end in zip(mover.points, np.roll(mover.points, -1, axis=0), strict=True):
-        num = 1 + int(np.ceil(np.hypot(*(end - begin)) / 0.1))
+        num = 1 + int(np.ceil(np.hypot(*(end - begin)) / 0.2))
         pieces.append(np.linspace(begin, end, num))
     return np.concatenate(pieces)
 

@@ -68,12 +68,12 @@ def u_traps(rng: np.random.Generator) -> World:
     ways = ((inside, behind), (before, behind), (behind, inside), (None, None))
     start, goal = (None if place is None else _square(place) for place in ways[case])
     kept_free = [before, behind]
-    # A second trap, anywhere, with probability 0.4.
-    if rng.random() < 0.4:
+    # Other traps, anywhere: uniform on 0 ... 2.
+    for _ in range(rng.integers(0, 3)):
         _add_trap_aside(layout, kept_free, rng)
-    # Discs: uniform on 2 ... 7.
-    for _ in range(rng.integers(2, 8)):
-        _add_disc(layout, kept_free, rng)
+    # Discs and boxes to try: uniform on 3 ... 9.
+    for _ in range(rng.integers(3, 10)):
+        _add_obstacle(layout, kept_free, rng)
     return layout.world("u_traps", start_area=start, goal_area=goal)
 
 
@@ -139,7 +139,9 @@ def _hook(rng: np.random.Generator) -> _Trap:
     width, depth = rng.uniform(1.6, 3.0), rng.uniform(1.2, 2.5)
     lip = min(rng.uniform(0.0, 0.5) * width, width - MOUTH)
     mouth, end, half = -0.5 * depth, 0.5 * depth, 0.5 * width
-    points = np.array([(mouth, half), (end, half), (end, -half), (mouth, -half), (mouth, lip - half)])
+    points = np.array(
+        [(mouth, half), (end, half), (end, -half), (mouth, -half), (mouth, lip - half)]
+    )
     if rng.random() < 0.5:
         points[:, 1] *= -1.0
     return _Trap(depth, None, chain(points))
@@ -166,9 +168,18 @@ def _within(points: FloatArray) -> bool:
     return bool(((points > 0.0) & (points < SIDE)).all())
 
 
-def _add_disc(layout: Layout, kept_free: list[FloatArray], rng: np.random.Generator) -> None:
-    # Centre U(0.5, 9.5)^2 m, radius U(0.12, 0.4) m; left out where it would close a passage.
+def _add_obstacle(layout: Layout, kept_free: list[FloatArray], rng: np.random.Generator) -> None:
+    """Put a disc or a box anywhere, unless it would close a passage."""
+    # Centre U(0.5, 9.5)^2 m, radius U(0.12, 0.4) m.
     x, y = rng.uniform(0.5, SIDE - 0.5, 2)
     radius = rng.uniform(0.12, 0.4)
-    if all(np.hypot(*(place - (x, y))) >= 1.0 + radius for place in kept_free):
+    if any(np.hypot(*(place - (x, y))) < 1.0 + radius for place in kept_free):
+        return
+    # With probability 0.4 a box within that circle instead; the angle between its diagonal and its
+    # length is U(0.3, 1.2) rad, its yaw U(-pi, pi).
+    if rng.random() < 0.4:
+        angle = rng.uniform(0.3, 1.2)
+        sides = 2.0 * radius * np.cos(angle), 2.0 * radius * np.sin(angle)
+        layout.add_box_if_clear((x, y, *sides, rng.uniform(-np.pi, np.pi)))
+    else:
         layout.add_disc_if_clear(x, y, radius)
