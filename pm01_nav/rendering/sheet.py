@@ -35,7 +35,7 @@ PANEL_WIDTH = 300
 COLUMNS = 4
 EPISODES = 2
 """Start, goal and shortest path drawn in each world."""
-COLORS = 64
+COLORS = 128
 """A sheet has few colours; so its file stays small."""
 MOVER: Color = (22, 140, 156)
 MOVER_WAY: Color = (150, 206, 213)

@@ -106,7 +106,7 @@ def rooms() -> TaskConfig:
 @task
 def maze() -> TaskConfig:
     """A maze with passages 0.85 to 1.6 m wide; the way is often several times the distance."""
-    # The longest ways are 40 m, and 500 steps at 0.5 m/s would be 25 m.
+    # In 500 steps at 0.5 m/s one drives 25 m; of 3500 shortest ways 1 % were above 28 m.
     return navigation("maze", time_limit_steps=1000)
 
 

@@ -28,7 +28,19 @@ RADIUS = 0.27
 DIGITS = 6
 """Numbers are rounded to so many decimals, since the last bits differ between platforms."""
 
-FROZEN: dict[str, str] = {}
+FROZEN: dict[str, str] = {
+    "empty": "a0e178d46efa40e2633f7335eebde67bf97229793f74c1c2909aa84919258784",
+    "static": "48aff46f09a49f5b4c911086356f7063164f3ebd1de34a0cbc3a4e9b84ef6bc2",
+    "article": "698aed3d74a87fa78c8366822237c7a42c1533419f28dc7ae1ce4224ad927125",
+    "barn_like": "a779dcf47f1ec0b0c7eb8934d95351199300552248829aba36aa315fbe9d5884",
+    "corridors": "227249e33609d86c497da562594e9c11333c7d9e7aecbd97a512ac37eb876896",
+    "rooms": "edda8dc7e69eaa2f90bf053508233cbf118190535ed6dc1adb437439e5048aee",
+    "maze": "03f3dd1328e4963fa49222b421a99f24f145d39cfbca8d0f75c1f613cb1ee421",
+    "u_traps": "c73950f4ba12d47c942911ae517eb0646b954613a08f22b3ae024f8753627393",
+    "crowd": "94f37fe9abb65617c7ebb4c0b34415ecf5a7a2366cfb0951642648e7edcb7b24",
+    "warehouse": "e0e5939665fe45597e942c2e6994e2697d70f86158585ad1062f21bdb5a4810f",
+    "mixed": "f3196e82a16ef28be1d9a8be56683a7dca746d73fc0d76a05d0943f66f8753f4",
+}
 """``suite_hash`` of each suite."""
 
 

@@ -29,6 +29,8 @@ CORRIDOR = (0.8, 1.6)
 """Width of a corridor [m]."""
 HAIR = 1e-6
 """For comparisons of what touches [m]."""
+LEAST_CLOSED = 0.5
+"""Narrower gaps are not worth closing [m]."""
 DOOR = (0.8, 1.2)
 """Width of a door [m]."""
 DOOR_MARGIN = 0.1
@@ -94,7 +96,11 @@ def _close_corridor(layout: Layout, rng: np.random.Generator) -> None:
         return
     place, outward = beside
     width = layout.ray(place + HAIR * outward, outward)
-    if width > CORRIDOR[1]:
+    if not LEAST_CLOSED <= width <= CORRIDOR[1]:
+        return
+    # Not where another obstacle is nearer than the corridor's two sides.
+    middle = place + 0.5 * width * outward
+    if layout.clearance(middle[None]) < 0.45 * width:
         return
     wall = np.concatenate([place, place + width * outward])[None]
     closed = replace(layout, segments=[*layout.segments, wall])

@@ -24,7 +24,7 @@ PASSAGE = 0.65
 """What is left free between obstacles so that one can drive there: pm01 and its margin need 0.54 m,
 and a raster of 0.1 m may cost some of the rest [m]."""
 SPACING = 0.2
-"""Between the points that stand for a box when distances are measured [m]."""
+"""Between the points that stand for a box or a line when distances are measured [m]."""
 
 
 @dataclass
@@ -53,6 +53,11 @@ class Layout:
         if any(points_in_polygon(points, polygon).any() for polygon in self.polygons):
             return 0.0
         return max(distance, 0.0)
+
+    def encloses(self, points: FloatArray) -> bool:
+        """Tell whether all points (n, 2) lie within the bounds."""
+        low, high = np.array(self.bounds[:2]), np.array(self.bounds[2:])
+        return bool(((points >= low) & (points <= high)).all())
 
     def ray(self, origin: FloatArray, direction: FloatArray) -> float:
         """Return how far a ray goes until it meets a wall or a polygon [m], infinity if never.
@@ -126,6 +131,17 @@ def box_points(box: Box) -> FloatArray:
     )
     grid = np.stack(np.meshgrid(across, up), axis=-1).reshape(-1, 2)
     return turned(grid, (x, y), yaw)
+
+
+def points_along(segments: FloatArray) -> FloatArray:
+    """Return points on segments (m, 4), at most ``SPACING`` apart, ends included, shape (n, 2)."""
+    lengths = np.hypot(*(segments[:, 2:] - segments[:, :2]).T)
+    return np.concatenate(
+        [
+            np.linspace(segment[:2], segment[2:], 2 + int(length / SPACING))
+            for segment, length in zip(segments, lengths, strict=True)
+        ]
+    )
 
 
 def turned(points: FloatArray, centre: tuple[float, float], yaw: float) -> FloatArray:

@@ -8,10 +8,17 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pm01_nav.geometry import rectangle
+from pm01_nav.geometry import polygon_edges, rectangle
 from pm01_nav.worlds.free_space import FreeSpace, line_is_free
 from pm01_nav.worlds.mover import Mover
-from pm01_nav.worlds.suites.layout import Box, Layout, box_points, room_walls, walkable
+from pm01_nav.worlds.suites.layout import (
+    Box,
+    Layout,
+    box_points,
+    points_along,
+    room_walls,
+    walkable,
+)
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -157,8 +164,8 @@ def _carts(layout: Layout, shelves: list[Shelf], rng: np.random.Generator) -> li
         if len(carts) == wanted or not shelves:
             break
         cart = _cart(shelves[rng.integers(len(shelves))], rng)
-        way = way_points(cart)
-        free = layout.clearance(way) >= cart.radius + APART
+        way = _way(cart)
+        free = layout.encloses(way) and layout.clearance(way) >= cart.radius + APART
         if free and all(_ways_apart(cart, other) for other in carts):
             carts.append(cart)
     return carts
@@ -178,24 +185,20 @@ def _cart(shelf: Shelf, rng: np.random.Generator) -> Mover:
     return Mover("loop", radius, way[:: 1 if rng.random() < 0.5 else -1], speed=speed)
 
 
-def way_points(mover: Mover) -> FloatArray:
-    """Return points along the closed way of a loop, 0.2 m apart or less, shape (n, 2)."""
-    pieces = []
-    for begin, end in zip(mover.points, np.roll(mover.points, -1, axis=0), strict=True):
-        num = 1 + int(np.ceil(np.hypot(*(end - begin)) / 0.2))
-        pieces.append(np.linspace(begin, end, num))
-    return np.concatenate(pieces)
+def _way(mover: Mover) -> FloatArray:
+    """Return points along the closed way of a loop, shape (n, 2)."""
+    return points_along(polygon_edges(mover.points))
 
 
 def _ways_apart(one: Mover, other: Mover) -> bool:
-    apart = way_points(one)[:, None] - way_points(other)
+    apart = _way(one)[:, None] - _way(other)
     return bool(np.hypot(*apart.T).min() >= one.radius + other.radius + APART)
 
 
 def _add_pallet(layout: Layout, box: Box, carts: list[Mover]) -> None:
     points = box_points(box)
     for cart in carts:
-        apart = points[:, None] - way_points(cart)
+        apart = points[:, None] - _way(cart)
         if np.hypot(*apart.T).min() < cart.radius + 2.0 * APART:
             return
     layout.add_box_if_clear(box)

@@ -9,7 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pm01_nav.worlds.suites.layout import PASSAGE, Area, Layout, chain, room_walls, turned
+from pm01_nav.worlds.suites.layout import (
+    PASSAGE,
+    Area,
+    Layout,
+    chain,
+    points_along,
+    room_walls,
+    turned,
+)
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -156,16 +164,11 @@ def _add_trap_aside(layout: Layout, kept_free: list[FloatArray], rng: np.random.
         yaw = rng.uniform(-np.pi, np.pi)
         alone = Layout(layout.bounds)
         trap.put(alone, (x, y), yaw)
-        ends = alone.world("alone").all_segments.reshape(-1, 4)
-        points = np.concatenate([ends[:, :2], 0.5 * (ends[:, :2] + ends[:, 2:]), ends[:, 2:]])
+        points = points_along(alone.world("alone").all_segments)
         far = all(np.hypot(*(place - (x, y))) >= 2.0 for place in kept_free)
-        if far and layout.clearance(points) >= PASSAGE and _within(points):
+        if far and layout.encloses(points) and layout.clearance(points) >= PASSAGE:
             trap.put(layout, (x, y), yaw)
             return
-
-
-def _within(points: FloatArray) -> bool:
-    return bool(((points > 0.0) & (points < SIDE)).all())
 
 
 def _add_obstacle(layout: Layout, kept_free: list[FloatArray], rng: np.random.Generator) -> None:
