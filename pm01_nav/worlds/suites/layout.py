@@ -136,12 +136,12 @@ def box_points(box: Box) -> FloatArray:
 def points_along(segments: FloatArray) -> FloatArray:
     """Return points on segments (m, 4), at most ``SPACING`` apart, ends included, shape (n, 2)."""
     lengths = np.hypot(*(segments[:, 2:] - segments[:, :2]).T)
-    return np.concatenate(
-        [
-            np.linspace(segment[:2], segment[2:], 2 + int(length / SPACING))
-            for segment, length in zip(segments, lengths, strict=True)
-        ]
-    )
+    steps = 1 + (lengths / SPACING).astype(np.int64)
+    # Each segment once for each of its points, with the part of it that lies before the point.
+    own = np.repeat(np.arange(len(segments)), steps + 1)
+    first = np.cumsum(steps + 1) - (steps + 1)
+    part = ((np.arange(len(own)) - first[own]) / steps[own])[:, None]
+    return (1.0 - part) * segments[own, :2] + part * segments[own, 2:]
 
 
 def turned(points: FloatArray, centre: tuple[float, float], yaw: float) -> FloatArray:

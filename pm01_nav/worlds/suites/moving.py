@@ -12,6 +12,7 @@ from pm01_nav.geometry import polygon_edges, rectangle
 from pm01_nav.worlds.free_space import FreeSpace, line_is_free
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.suites.layout import (
+    PASSAGE,
     Box,
     Layout,
     box_points,
@@ -85,7 +86,7 @@ def _pedestrians(
 
 
 def _pedestrian(space: FreeSpace, rng: np.random.Generator) -> Mover:
-    """Draw one pedestrian, who wanders or walks to and fro."""
+    """Draw one pedestrian, who wanders or walks back and forth."""
     # Radius U(0.2, 0.3) m; speed U(0.4, 1.2) m/s: strolling to walking indoors.
     radius, speed = rng.uniform(*PEDESTRIAN), rng.uniform(0.4, 1.2)
     # Wandering with probability 1/2, else round 2 ... 4 places (uniform).
@@ -156,7 +157,7 @@ def _shelves(rng: np.random.Generator) -> list[Shelf]:
 
 
 def _carts(layout: Layout, shelves: list[Shelf], rng: np.random.Generator) -> list[Mover]:
-    """Draw carts that drive round a shelf or to and fro beside it, each on a way of its own."""
+    """Draw carts that drive round a shelf or back and forth beside it, each on a way of its own."""
     carts: list[Mover] = []
     # How many: uniform on 2 ... 4; up to 8 draws for each.
     wanted = int(rng.integers(2, 5))
@@ -176,7 +177,7 @@ def _cart(shelf: Shelf, rng: np.random.Generator) -> Mover:
     # Radius U(0.22, 0.32) m, speed U(0.3, 0.7) m/s, U(0.5, 0.7) m beside the shelf.
     radius, speed, beside = rng.uniform(0.22, 0.32), rng.uniform(0.3, 0.7), rng.uniform(0.5, 0.7)
     way = rectangle(x, y, length + 2.0 * beside, width + 2.0 * beside)
-    # Round the shelf with probability 0.6, from any corner; else to and fro along a longer side.
+    # Round the shelf with probability 0.6, from any corner; else along a longer side and back.
     if rng.random() < 0.6:
         way = np.roll(way, rng.integers(4), axis=0)
     else:
@@ -196,6 +197,9 @@ def _ways_apart(one: Mover, other: Mover) -> bool:
 
 
 def _add_pallet(layout: Layout, box: Box, carts: list[Mover]) -> None:
+    # Most draws fail already at the middle.
+    if layout.clearance(np.array([box[:2]])) < PASSAGE:
+        return
     points = box_points(box)
     for cart in carts:
         apart = points[:, None] - _way(cart)
