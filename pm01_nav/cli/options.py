@@ -21,8 +21,8 @@ def task_options(command: Command) -> Command:
             click.option(
                 "--task",
                 metavar="NAME",
-                help="Where to drive: static, empty, article, map (with --map), barn_like, "
-                "barn (with --worlds).",
+                help="Where to drive: static, empty, article, corridors, rooms, maze, u_traps, "
+                "crowd, warehouse, mixed, map (with --map), barn_like, barn (with --worlds).",
             ),
             click.option("--map", "map_", metavar="FILE", help="A ROS map's YAML, for task map."),
             click.option(

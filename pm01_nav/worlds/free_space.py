@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pm01_nav.compilation import compiled
-from pm01_nav.geometry import points_in_polygon
 from pm01_nav.worlds.world import OccupancyGrid, World
 
 FloatArray = NDArray[np.float64]
@@ -50,6 +49,21 @@ class FreeSpace:
         y = self.origin[1] + (rows + 0.5) * self.resolution
         return np.stack([x, y], axis=-1).astype(np.float64)
 
+    def within(
+        self, area: tuple[float, float, float, float], margin: float = 0.0
+    ) -> NDArray[np.bool_]:
+        """Tell which cells' centres lie in an area, ``margin`` [m] from its edges or more.
+
+        Same shape as ``free``.
+        """
+        height, width = self.free.shape
+        x, y = self.centre(np.arange(max(height, width)), np.arange(max(height, width))).T
+        # A hair more, because centres are computed and areas are round numbers.
+        least = margin - 1e-9
+        across = (x >= area[0] + least) & (x <= area[2] - least)
+        up = (y >= area[1] + least) & (y <= area[3] - least)
+        return up[:height, None] & across[None, :width]
+
 
 def free_space(world: World, radius: float, resolution: float = 0.1) -> FreeSpace:
     """Rasterise a world for a disc of ``radius`` [m] on cells of ``resolution`` [m]."""
@@ -62,7 +76,7 @@ def free_space(world: World, radius: float, resolution: float = 0.1) -> FreeSpac
     _clear_discs(space.free, world.discs, x_min, y_min, resolution, radius)
     _clear_segments(space.free, world.all_segments, x_min, y_min, resolution, radius)
     for polygon in world.polygons:
-        _clear_inside(space, polygon)
+        _clear_inside(space.free, polygon, x_min, y_min, resolution)
     if world.grid is not None:
         _clear_grid(space, world.grid, radius)
     return space
@@ -109,17 +123,28 @@ def _clear_segments(free, segments, x_min, y_min, resolution, radius):
                     free[row, column] = False
 
 
-def _clear_inside(space: FreeSpace, polygon: FloatArray) -> None:
-    low = np.floor((polygon.min(axis=0) - space.origin) / space.resolution).astype(int)
-    high = np.ceil((polygon.max(axis=0) - space.origin) / space.resolution).astype(int)
-    low = np.maximum(low, 0)
-    rows = np.arange(low[1], min(high[1], space.free.shape[0]))
-    columns = np.arange(low[0], min(high[0], space.free.shape[1]))
-    if len(rows) == 0 or len(columns) == 0:
-        return
-    row_of, column_of = (m.ravel() for m in np.meshgrid(rows, columns, indexing="ij"))
-    inside = points_in_polygon(space.centre(row_of, column_of), polygon)
-    space.free[row_of[inside], column_of[inside]] = False
+@compiled
+def _clear_inside(free, vertices, x_min, y_min, resolution):
+    """Block the cells whose centre is inside a polygon, by counting crossings."""
+    height, width = free.shape
+    low_x, high_x = vertices[:, 0].min() - x_min, vertices[:, 0].max() - x_min
+    low_y, high_y = vertices[:, 1].min() - y_min, vertices[:, 1].max() - y_min
+    for row in range(
+        max(0, int(low_y / resolution)), min(height, int(max(high_y, 0.0) / resolution) + 1)
+    ):
+        y = y_min + (row + 0.5) * resolution
+        for column in range(
+            max(0, int(low_x / resolution)), min(width, int(max(high_x, 0.0) / resolution) + 1)
+        ):
+            x = x_min + (column + 0.5) * resolution
+            inside = False
+            for k in range(vertices.shape[0]):
+                x1, y1 = vertices[k - 1, 0], vertices[k - 1, 1]
+                x2, y2 = vertices[k, 0], vertices[k, 1]
+                if (y1 > y) != (y2 > y) and x < x1 + (y - y1) * (x2 - x1) / (y2 - y1):
+                    inside = not inside
+            if inside:
+                free[row, column] = False
 
 
 def _clear_grid(space: FreeSpace, grid: OccupancyGrid, radius: float) -> None:
@@ -163,27 +188,35 @@ def distance_to_occupied(grid: OccupancyGrid) -> NDArray[np.float32]:
     return np.asarray(ndimage.distance_transform_edt(grid.occupied == 0), dtype=np.float32)
 
 
-def shortest_path_length(
+def shortest_path(
     space: FreeSpace, start: tuple[float, float], goal: tuple[float, float]
-) -> float:
-    """Return the length of a shortest free path [m]; infinity if there is none.
+) -> FloatArray:
+    """Return a shortest free path with its end points, shape (n, 2) [m]; no rows if there is none.
 
     Dijkstra on 8 neighbours, then the path is pulled taut between cells that see each other.
     The end points need not be cell centres.
     """
     first, last = space.cell(*start), space.cell(*goal)
     if first is None or last is None:
-        return float("inf")
-    straight = float(np.hypot(goal[0] - start[0], goal[1] - start[1]))
+        return np.zeros((0, 2))
     if line_is_free(space.free, *first, *last):
-        return straight
+        return np.array([start, goal], dtype=np.float64)
     cells = _grid_path(space.free, first[0], first[1], last[0], last[1])
     if len(cells) == 0:
-        return float("inf")
+        return np.zeros((0, 2))
     corners = space.centre(cells[:, 0], cells[:, 1])
     corners[0], corners[-1] = start, goal
-    kept = corners[_taut(space.free, cells)]
-    return max(straight, float(np.linalg.norm(np.diff(kept, axis=0), axis=1).sum()))
+    return corners[_taut(space.free, cells)]
+
+
+def shortest_path_length(
+    space: FreeSpace, start: tuple[float, float], goal: tuple[float, float]
+) -> float:
+    """Return the length of a shortest free path [m]; infinity if there is none."""
+    path = shortest_path(space, start, goal)
+    if len(path) == 0:
+        return float("inf")
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 @compiled

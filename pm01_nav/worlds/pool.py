@@ -89,69 +89,77 @@ def find_places(world: World, radius: float, rng: np.random.Generator, limit: in
             from there.
     """
     space = free_space(world, radius)
-    regions = space.regions()
-    sizes = np.bincount(regions.ravel())
-    sizes[0] = 0
-    if sizes.max() == 0:
+    if not space.free.any():
         raise InputError(f"world {world.name}: no free space for a robot of radius {radius:.2f} m")
-    if world.start is None:
-        region = int(sizes.argmax())
-    else:
+    connected = _connected_to_start(world, space)
+    half = space.resolution / 2.0
+    # In a roomy cell the disc is free wherever in it the centre is.
+    roomy = free_space(world, radius + half * np.sqrt(2.0), space.resolution).free
+    choice = _Choice(space, connected, connected & roomy, rng, limit)
+    goals, goal_jitter = _goals(world, choice)
+    if world.start is not None:
+        return Places(np.array([world.start[:2]]), goals, world.start[2], (0.0, goal_jitter))
+    starts, jitter = choice.places(world.start_area)
+    return Places(starts, goals, np.nan, (jitter, goal_jitter))
+
+
+def _connected_to_start(world: World, space: FreeSpace) -> NDArray[np.bool_]:
+    """Return the cells that are connected to the start, or to most of those it may be drawn from.
+
+    Same shape as ``space.free``, of which at least one cell is free.
+    """
+    regions = space.regions()
+    if world.start is not None:
         region = _region_at(space, regions, world.start[0], world.start[1])
         if region == 0:
             raise InputError(f"world {world.name}: its start {world.start} is not in free space")
-    limited = slice(limit)
-    goals, goal_jitter = _goals(world, radius, space, regions == region, rng)
-    if world.start is not None:
-        return Places(
-            np.array([world.start[:2]]), goals[limited], world.start[2], (0.0, goal_jitter)
-        )
-    starts, jitter = _places_in(world, radius, space, regions == region, None, rng)
-    return Places(starts[limited], goals[limited], np.nan, (jitter, goal_jitter))
+        return regions == region
+    eligible = regions
+    if world.start_area is not None:
+        eligible = np.where(space.within(world.start_area), regions, 0)
+    sizes = np.bincount(eligible.ravel())
+    sizes[0] = 0
+    if sizes.max() == 0:
+        raise InputError(f"world {world.name}: no start in its start area is in free space")
+    return regions == sizes.argmax()
 
 
-def _goals(
-    world: World,
-    radius: float,
-    space: FreeSpace,
-    reachable: NDArray[np.bool_],
-    rng: np.random.Generator,
-) -> tuple[FloatArray, float]:
+def _goals(world: World, choice: _Choice) -> tuple[FloatArray, float]:
     area = world.goal_area
     if area is None or area[:2] != area[2:]:
-        goals, jitter = _places_in(world, radius, space, reachable, area, rng)
+        goals, jitter = choice.places(area)
         if len(goals) == 0:
             raise InputError(f"world {world.name}: no goal in its goal area can be reached")
         return goals, jitter
-    if _region_at(space, reachable.astype(np.int32), area[0], area[1]) == 0:
+    regions = choice.connected.astype(np.int32)
+    if _region_at(choice.space, regions, area[0], area[1]) == 0:
         raise InputError(f"world {world.name}: start and goal are not connected")
     return np.array([area[:2]]), 0.0
 
 
-def _places_in(
-    world: World,
-    radius: float,
-    space: FreeSpace,
-    chosen: NDArray[np.bool_],
-    area: tuple[float, float, float, float] | None,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, float]:
-    """Return places in random order (n, 2), and how far around them is as good [m].
+@dataclass(frozen=True)
+class _Choice:
+    """Draws places from the cells that are connected to the start."""
 
-    Cells in which the disc is free anywhere; where there are none, the centres of free cells.
-    """
-    half = space.resolution / 2.0
-    roomy = free_space(world, radius + half * np.sqrt(2.0), space.resolution).free
-    for cells, jitter in ((chosen & roomy, half), (chosen, 0.0)):
-        rows, columns = np.nonzero(cells)
-        places = space.centre(rows, columns)
-        if area is not None:
-            low = np.array(area[:2]) + jitter - 1e-9
-            high = np.array(area[2:]) - jitter + 1e-9
-            places = places[((places >= low) & (places <= high)).all(axis=1)]
-        if len(places):
-            return rng.permutation(places), jitter
-    return np.zeros((0, 2)), 0.0
+    space: FreeSpace
+    connected: NDArray[np.bool_]
+    roomy: NDArray[np.bool_]
+    """Those of them in which the disc is free anywhere."""
+    rng: np.random.Generator
+    limit: int
+
+    def places(self, area: tuple[float, float, float, float] | None) -> tuple[FloatArray, float]:
+        """Return places in random order (n, 2), and how far around them is as good [m].
+
+        From roomy cells within ``area``; where there are none, the centres of others.
+        """
+        for cells, jitter in ((self.roomy, self.space.resolution / 2.0), (self.connected, 0.0)):
+            chosen = cells if area is None else cells & self.space.within(area, jitter)
+            rows, columns = np.nonzero(chosen)
+            if len(rows):
+                order = self.rng.permutation(len(rows))[: self.limit]
+                return self.space.centre(rows[order], columns[order]), jitter
+        return np.zeros((0, 2)), 0.0
 
 
 def _region_at(space: FreeSpace, regions: NDArray[np.int32], x: float, y: float) -> int:
@@ -191,15 +199,23 @@ def generate_pool(
     Raises:
         InputError: a seed gave no usable world in many attempts.
     """
-    seeds = list(seeds)
-    drawn = [_generate(generator, seed, radius) for seed in seeds]
+    return pack_pool([draw_world(generator, seed, radius) for seed in seeds], radius)
+
+
+def pack_pool(drawn: Sequence[tuple[World, Places]], radius: float) -> WorldPool:
+    """Pack worlds with places that were found for a disc of ``radius`` [m]."""
     worlds = [world for world, _ in drawn]
     return WorldPool(tuple(worlds), _pack(worlds, [places for _, places in drawn]), radius)
 
 
-def _generate(
+def draw_world(
     generator: Callable[[np.random.Generator], World], seed: int, radius: float
 ) -> tuple[World, Places]:
+    """Draw one world and where episodes in it may start and end; see ``generate_pool``.
+
+    Raises:
+        InputError: the seed gave no usable world in many attempts.
+    """
     problem: InputError | None = None
     for attempt in range(MAX_ATTEMPTS):
         world = generator(np.random.default_rng([seed, attempt]))

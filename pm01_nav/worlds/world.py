@@ -49,6 +49,8 @@ class World:
     """Discs that move."""
     start: tuple[float, float, float] | None = None
     """A fixed start pose x, y, yaw; None draws one from the free space."""
+    start_area: tuple[float, float, float, float] | None = None
+    """Where starts are drawn, like ``bounds``, unless ``start`` fixes one; None is anywhere."""
     goal_area: tuple[float, float, float, float] | None = None
     """Where goals are drawn, like ``bounds``; a single point fixes the goal; None is anywhere."""
 
