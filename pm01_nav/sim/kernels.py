@@ -10,14 +10,16 @@ from pm01_nav.compilation import compiled
 from pm01_nav.sim.collision import clearance, to_base
 from pm01_nav.sim.dynamics import arc, clip, next_speed, wrap
 from pm01_nav.sim.lidar import add_noise, cast_scan, nearest_in_sectors, read_scan
+from pm01_nav.sim.path_distance import read_distance, spread_distance
 from pm01_nav.sim.random import uniform
+from pm01_nav.sim.trail import begin_trail, follow_trail
 
 GOAL_DRAWS = 256
 """Draws of a goal at an allowed distance; then the one that misses it least is taken."""
 
 
 @compiled(parallel=True)
-def step_batch(state, command, base, lidar, worlds, time):
+def step_batch(state, command, base, lidar, worlds, time, trail):
     """Apply one command (num_envs, 2) [m/s, rad/s] to every environment for a control step.
 
     A chunk of environments goes through each phase together: the code of all phases at once would
@@ -25,10 +27,10 @@ def step_batch(state, command, base, lidar, worlds, time):
     """
     for i in prange(state.pose.shape[0]):
         move(state, i, command, base, worlds, time)
-        observe(state, i, base, lidar, worlds)
+        observe(state, i, base, lidar, worlds, trail)
 
 
-def _reset(state, indices, base, lidar, worlds, goal_distance):
+def _reset(state, indices, base, lidar, worlds, trail, goal_distance, scratch):
     """Start a new episode in the environments ``indices`` (n,).
 
     ``goal_distance`` (2,): least and greatest distance from the start to the goal [m].
@@ -36,7 +38,8 @@ def _reset(state, indices, base, lidar, worlds, goal_distance):
     for k in prange(indices.shape[0]):
         i = indices[k]
         place(state, i, worlds, goal_distance)
-        observe(state, i, base, lidar, worlds)
+        begin_episode(state, i, worlds, scratch)
+        observe(state, i, base, lidar, worlds, trail)
 
 
 reset_many = compiled(parallel=True)(_reset)
@@ -45,10 +48,11 @@ reset_few = compiled(_reset)
 
 
 @compiled(parallel=True)
-def observe_batch(state, indices, base, lidar, worlds):
-    """Bring scan, clearance and goal up to date after poses were set from outside."""
+def observe_batch(state, indices, base, lidar, worlds, trail, scratch):
+    """Begin episodes in environments whose poses and goals were set from outside."""
     for k in prange(indices.shape[0]):
-        observe(state, indices[k], base, lidar, worlds)
+        begin_episode(state, indices[k], worlds, scratch)
+        observe(state, indices[k], base, lidar, worlds, trail)
 
 
 @compiled
@@ -84,7 +88,7 @@ def move(state, i, command, base, worlds, time):
 
 
 @compiled
-def observe(state, i, base, lidar, worlds):
+def observe(state, i, base, lidar, worlds, trail):
     """Measure scan, clearance and goal of one environment at its pose."""
     x, y = state.pose[i, 0], state.pose[i, 1]
     cos, sin = state.heading[i, 0], state.heading[i, 1]
@@ -98,6 +102,17 @@ def observe(state, i, base, lidar, worlds):
     ahead, left = to_base(dx, dy, cos, sin)
     state.goal_polar[i, 0] = np.sqrt(dx * dx + dy * dy)
     state.goal_polar[i, 1] = np.arctan2(left, ahead)
+    read_distance(state, i, worlds)
+    if state.visited.shape[1] > 0:
+        follow_trail(state, i, trail)
+
+
+@compiled
+def begin_episode(state, i, worlds, scratch):
+    """Prepare what one environment remembers and is paid by, once start and goal are known."""
+    begin_trail(state, i)
+    if state.path_field.shape[1] > 0:
+        spread_distance(state, i, worlds, scratch)
 
 
 @compiled

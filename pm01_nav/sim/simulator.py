@@ -11,10 +11,20 @@ from numpy.typing import ArrayLike, NDArray
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import kernels
 from pm01_nav.sim.random import stream_keys
-from pm01_nav.sim.state import SimState, TimeStep, base_params, lidar_params, new_state
+from pm01_nav.sim.state import (
+    SimState,
+    Sizes,
+    TimeStep,
+    TrailParams,
+    base_params,
+    lidar_params,
+    new_scratch,
+    new_state,
+)
 from pm01_nav.sim.threads import ThreadChoice
 from pm01_nav.worlds.pool import WorldPool
 
+NO_TRAIL = TrailParams()
 FEW = 64
 """Up to this many environments are reset by one thread."""
 MAX_TRAVEL = 0.05
@@ -37,20 +47,27 @@ class PlanarSimulator:
         control_dt: float = 0.1,
         goal_distance: tuple[float, float] = (0.0, math.inf),
         sectors: int = 0,
+        trail: TrailParams = NO_TRAIL,
+        path_distances: bool = False,
     ) -> None:
         """Allocate the batch; call ``seed`` and ``reset`` before the first ``step``.
 
         ``control_dt`` [s] is the time between commands, ``goal_distance`` [m] the least and the
         greatest straight distance from a start to its goal. The nearest range is kept in each of
         ``sectors`` equal parts of the scan, which must divide it; 0 makes every beam a part.
+        ``trail`` says how each robot's way so far is remembered. With ``path_distances`` the length
+        of the way to the goal is known; otherwise it is the straight distance.
         """
         self.robot = robot
         self.pool = pool
         self.num_envs = num_envs
         self.control_dt = control_dt
-        self.state: SimState = new_state(
-            num_envs, robot.lidar.num_beams, sectors or robot.lidar.num_beams
-        )
+        beams = robot.lidar.num_beams
+        cells = int(np.diff(pool.arrays.way_begin).max()) if path_distances else 0
+        sizes = Sizes(beams, sectors or beams, cells, trail.capacity, trail.sectors)
+        self.state: SimState = new_state(num_envs, sizes)
+        self._scratch = new_scratch(num_envs, sizes)
+        self._trail = trail
         self._goal_distance = np.array(goal_distance, dtype=np.float64)
         self._threads = ThreadChoice()
         self._base = base_params(robot)
@@ -81,7 +98,16 @@ class PlanarSimulator:
             indices = np.arange(self.num_envs)
         self.state.world[indices] = -1 if worlds is None else worlds
         reset = kernels.reset_few if len(indices) <= FEW else kernels.reset_many
-        reset(self.state, indices, self._base, self._lidar, self.pool.arrays, self._goal_distance)
+        reset(
+            self.state,
+            indices,
+            self._base,
+            self._lidar,
+            self.pool.arrays,
+            self._trail,
+            self._goal_distance,
+            self._scratch,
+        )
 
     def step(self, command: NDArray[np.float64]) -> None:
         """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step."""
@@ -93,6 +119,7 @@ class PlanarSimulator:
             self._lidar,
             self.pool.arrays,
             self._time,
+            self._trail,
         )
 
     def place(self, indices: NDArray[np.int64], poses: ArrayLike, goals: ArrayLike) -> None:
@@ -103,4 +130,12 @@ class PlanarSimulator:
         self.state.goal[indices] = goals
         self.state.twist[indices] = 0.0
         self.state.contact[indices] = False
-        kernels.observe_batch(self.state, indices, self._base, self._lidar, self.pool.arrays)
+        kernels.observe_batch(
+            self.state,
+            indices,
+            self._base,
+            self._lidar,
+            self.pool.arrays,
+            self._trail,
+            self._scratch,
+        )

@@ -41,6 +41,18 @@ class SimState(NamedTuple):
     """Whether the footprint was stopped by an obstacle in this step, shape (num_envs,)."""
     world: NDArray[np.int64]
     """Index of the world in the pool, shape (num_envs,)."""
+    path_field: NDArray[np.float32]
+    """Way to the goal from each cell of the world's raster [m], (num_envs, most cells or 0)."""
+    path_distance: FloatArray
+    """Way to the goal from the robot [m], shape (num_envs,); see ``path_distance``."""
+    age: NDArray[np.int64]
+    """Observations of the episode so far, shape (num_envs,)."""
+    trail: FloatArray
+    """Noted places x, y [m], shape (num_envs, capacity or 0, 2)."""
+    trail_length: NDArray[np.int64]
+    """Places noted in the episode, the forgotten ones included, shape (num_envs,)."""
+    visited: NDArray[np.float32]
+    """How much of the trail lies in each sector, 0 to 1, shape (num_envs, trail sectors)."""
     rng_key: NDArray[np.uint64]
     """Which random stream belongs to the environment, shape (num_envs,)."""
     rng_count: NDArray[np.uint64]
@@ -52,7 +64,17 @@ def padded(num_beams: int) -> int:
     return -(-num_beams // BLOCK) * BLOCK
 
 
-def new_state(num_envs: int, num_beams: int, num_sectors: int) -> SimState:
+class Sizes(NamedTuple):
+    """How wide the rows of a state are."""
+
+    beams: int
+    sectors: int
+    path_cells: int = 0
+    trail_capacity: int = 0
+    trail_sectors: int = 0
+
+
+def new_state(num_envs: int, sizes: Sizes) -> SimState:
     """Return a state of zeros."""
     return SimState(
         pose=np.zeros((num_envs, 3)),
@@ -60,15 +82,47 @@ def new_state(num_envs: int, num_beams: int, num_sectors: int) -> SimState:
         goal=np.zeros((num_envs, 2)),
         goal_polar=np.zeros((num_envs, 2)),
         heading=np.zeros((num_envs, 2)),
-        ranges=np.zeros((num_envs, padded(num_beams)), dtype=np.float32),
-        scan=np.zeros((num_envs, num_beams), dtype=np.float32),
-        nearest=np.zeros((num_envs, num_sectors), dtype=np.float32),
+        ranges=np.zeros((num_envs, padded(sizes.beams)), dtype=np.float32),
+        scan=np.zeros((num_envs, sizes.beams), dtype=np.float32),
+        nearest=np.zeros((num_envs, sizes.sectors), dtype=np.float32),
         clearance=np.zeros(num_envs),
         contact=np.zeros(num_envs, dtype=np.bool_),
         world=np.zeros(num_envs, dtype=np.int64),
+        path_field=np.zeros((num_envs, sizes.path_cells), dtype=np.float32),
+        path_distance=np.zeros(num_envs),
+        age=np.zeros(num_envs, dtype=np.int64),
+        trail=np.zeros((num_envs, sizes.trail_capacity, 2)),
+        trail_length=np.zeros(num_envs, dtype=np.int64),
+        visited=np.zeros((num_envs, sizes.trail_sectors), dtype=np.float32),
         rng_key=np.zeros(num_envs, dtype=np.uint64),
         rng_count=np.zeros(num_envs, dtype=np.uint64),
     )
+
+
+class Scratch(NamedTuple):
+    """Room for work within one call; nothing in it is worth keeping."""
+
+    queue: NDArray[np.int32]
+    """Cells whose neighbours may have become nearer, shape (num_envs, path cells)."""
+    queued: NDArray[np.bool_]
+    """Whether a cell stands in the queue, same shape."""
+
+
+def new_scratch(num_envs: int, sizes: Sizes) -> Scratch:
+    """Return room for ``num_envs`` environments."""
+    shape = (num_envs, sizes.path_cells)
+    return Scratch(np.zeros(shape, dtype=np.int32), np.zeros(shape, dtype=np.bool_))
+
+
+class TrailParams(NamedTuple):
+    """The trail as the kernels read it; see ``task.trail.TrailLayout``."""
+
+    sectors: int = 0
+    """0 keeps no trail."""
+    interval_steps: int = 1
+    capacity: int = 0
+    reach: float = 1.0
+    near: float = 1.0
 
 
 class BaseParams(NamedTuple):

@@ -14,6 +14,7 @@ from pm01_nav.robot import NonNegative, Positive, RobotSpec, load_robot
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.observation import ObservationLayout, ScanGeometry
 from pm01_nav.task.rewards import REWARDS
+from pm01_nav.task.trail import TrailLayout
 
 
 class ObservationConfig(FrozenModel):
@@ -23,6 +24,8 @@ class ObservationConfig(FrozenModel):
     nearness_distance: NonNegative = 0.3
     goal: Literal["polar", "polar_sin_cos"] = "polar_sin_cos"
     previous_action: bool = True
+    trail: TrailLayout | None = None
+    """How the places where the robot has been are shown; None does not show them."""
     goal_distance_max: Positive = 10.0
     range_max: Positive | None = None
     """Show ranges up to this only [m]; None shows the lidar's whole range."""
@@ -122,6 +125,7 @@ def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayou
         nearness_distance=seen.nearness_distance,
         goal=seen.goal,
         previous_action=seen.previous_action,
+        trail=seen.trail,
         goal_distance_max=seen.goal_distance_max,
         normalize=seen.normalize,
     )

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.errors import InputError
 from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.sim.state import TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.observation import build_observation
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.step import Step
 from pm01_nav.task.terminations import judge, out_of_time
+from pm01_nav.task.trail import TrailLayout
 from pm01_nav.worlds.pool import WorldPool
 
 ALL = slice(None)
@@ -52,6 +54,11 @@ class BatchStep:
     """Those that ended, if any."""
 
 
+def trail_params(layout: TrailLayout | None) -> TrailParams:
+    """Return what the simulator must know of a trail to keep it."""
+    return TrailParams() if layout is None else TrailParams(**asdict(layout))
+
+
 class NavigationBatch:
     """Many robots on the same task; a finished episode is followed by a new one at once."""
 
@@ -74,6 +81,8 @@ class NavigationBatch:
             control_dt=config.control_dt,
             goal_distance=config.goal_distance_limits(),
             sectors=self.layout.sectors,
+            trail=trail_params(self.layout.trail),
+            path_distances="path_progress" in config.rewards,
         )
         # Attributes of pydantic models are slow to read.
         self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
@@ -103,6 +112,7 @@ class NavigationBatch:
             sim.state.goal_polar[indices],
             sim.state.twist[indices],
             self._action[indices],
+            sim.state.visited[indices],
         )
         if self.layout.normalize:
             observation /= self._scale
@@ -111,7 +121,7 @@ class NavigationBatch:
     def advance(self, command: NDArray[np.float64]) -> Step:
         """Apply commands (num_envs, 2) [m/s, rad/s] and judge the outcome; nothing is reset."""
         state = self.simulator.state
-        before = state.goal_polar[:, 0].copy()
+        before, path_before = state.goal_polar[:, 0].copy(), state.path_distance.copy()
         self.simulator.step(command)
         self._count += 1
         step = Step(
@@ -125,6 +135,8 @@ class NavigationBatch:
             goal_distance=state.goal_polar[:, 0],
             goal_bearing=state.goal_polar[:, 1],
             previous_goal_distance=before,
+            path_distance=state.path_distance,
+            previous_path_distance=path_before,
             count=self._count,
         )
         step.reached, step.collided = judge(step, self.config)

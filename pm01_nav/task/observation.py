@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 from pm01_nav.errors import InputError
 from pm01_nav.task.action import ActionLimits
+from pm01_nav.task.trail import TrailLayout
 
 
 class Part(NamedTuple):
@@ -67,6 +68,8 @@ class ObservationLayout:
     """Whether the last action (in [-1, 1]) is part of the observation."""
     goal_distance_max: float = 10.0
     """A goal further away than this [m] is shown at this distance."""
+    trail: TrailLayout | None = None
+    """How the places where the robot has been are shown; None does not show them."""
     normalize: bool = True
     """Whether environments divide each part by its scale; exported policies do so themselves."""
 
@@ -103,6 +106,8 @@ class ObservationLayout:
         parts.append(Part("angular_velocity", 1, -limits.angular_max, limits.angular_max, "rad/s"))
         if self.previous_action:
             parts.append(Part("previous_action", 2, -1.0, 1.0, "1"))
+        if self.trail is not None:
+            parts.append(Part("visited", self.trail.sectors, 0.0, 1.0, "1"))
         return tuple(parts)
 
     @cached_property
@@ -138,7 +143,9 @@ class ObservationLayout:
         """
         try:
             known = {f.name for f in fields(cls)}
-            rest = {k: v for k, v in data.items() if k not in ("scan", "limits")}
+            rest = {k: v for k, v in data.items() if k not in ("scan", "limits", "trail")}
+            if data.get("trail") is not None:
+                rest["trail"] = TrailLayout(**data["trail"])
             if unknown := sorted(set(rest) - known):
                 raise InputError(f"observation.{unknown[0]}: unknown key")
             return cls(ScanGeometry(**data["scan"]), ActionLimits(**data["limits"]), **rest)
@@ -170,14 +177,20 @@ def pool_sectors(ranges: Any, sectors: int) -> Any:
 
 
 def build_observation(
-    layout: ObservationLayout, nearest: Any, goal: Any, velocity: Any, previous_action: Any
+    layout: ObservationLayout,
+    nearest: Any,
+    goal: Any,
+    velocity: Any,
+    previous_action: Any,
+    visited: Any = None,
 ) -> Any:
     """Build observations in physical units, shape (..., layout.size), float32.
 
     ``nearest`` (..., sectors or num_beams) is the nearest range of each sector, by REP-117 with
     nothing invalid in it [m], ``goal`` (..., 2) distance and bearing [m, rad], ``velocity``
-    (..., 2) v and w [m/s, rad/s], ``previous_action`` (..., 2) in [-1, 1]. No return shows as
-    range_max, and too close as range_min.
+    (..., 2) v and w [m/s, rad/s], ``previous_action`` (..., 2) in [-1, 1], ``visited`` (...,
+    trail.sectors) 0 to 1 if the layout has a trail. No return shows as range_max, and too close
+    as range_min.
     """
     xp = nearest.__array_namespace__()
     ranges = _clip(xp, nearest, layout.scan.range_min, layout.scan.range_max)
@@ -195,6 +208,8 @@ def build_observation(
     parts.append(_clip(xp, velocity, low, high))
     if layout.previous_action:
         parts.append(previous_action)
+    if layout.trail is not None:
+        parts.append(visited)
     observation = xp.empty((*nearest.shape[:-1], layout.size), dtype=xp.float32)
     begin = 0
     for part in parts:

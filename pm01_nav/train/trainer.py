@@ -155,7 +155,7 @@ class Supervision(BaseCallback):
         if self._evaluator is None:
             episodes = self.config.train.eval_episodes
             self._evaluator = Evaluator(self.config.task, episodes, EVALUATION_SEED)
-        policy = greedy_policy(self._learner.policy, self.batch.layout)
+        policy = greedy_policy(self._learner.policy, self.batch.layout, self.config.task.control_dt)
         summary = self._evaluator.summary(policy)
         self.history.add_evaluation(self.budget.seconds, summary)
         for name in ("success_rate", "collision_rate", "timeout_rate", "spl"):

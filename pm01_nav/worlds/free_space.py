@@ -43,6 +43,18 @@ class FreeSpace:
             return row, column
         return None
 
+    def coarsened(self, factor: int) -> FreeSpace:
+        """Return a raster of cells ``factor`` times as large, free where any of theirs is.
+
+        A border of closed cells surrounds it.
+        """
+        height, width = (-(-n // factor) for n in self.free.shape)
+        padded = np.zeros((height * factor, width * factor), dtype=np.bool_)
+        padded[: self.free.shape[0], : self.free.shape[1]] = self.free
+        free = padded.reshape(height, factor, width, factor).any(axis=(1, 3))
+        size = factor * self.resolution
+        return FreeSpace(np.pad(free, 1), size, (self.origin[0] - size, self.origin[1] - size))
+
     def centre(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> FloatArray:
         """Return the centres of cells, shape (n, 2) [m]."""
         x = self.origin[0] + (columns + 0.5) * self.resolution

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +22,9 @@ PLACES_PER_WORLD = 1024
 MAX_PLACES = 1 << 20
 """Starts, and goals, kept of all worlds from files together."""
 MAX_ATTEMPTS = 100
+WAY_RESOLUTION, MAX_WAY_RESOLUTION = 0.2, 0.4
+"""Side of a cell of the raster for path distances [m]: usual, and greatest."""
+MAX_WAY_CELLS = 1 << 14
 
 
 class WorldArrays(NamedTuple):
@@ -48,6 +51,11 @@ class WorldArrays(NamedTuple):
     goals: FloatArray
     """x, y [m], shape (n, 2)."""
     goal_begin: IntArray
+    way_cells: NDArray[np.uint8]
+    """1 = the robot fits and a start reaches it, row by row with a closed border, shape (n,)."""
+    way_begin: IntArray
+    way_frame: FloatArray
+    """Like ``grid_frame``; a world too large for cells of 0.4 m has none."""
     jitter: FloatArray
     """Half the side of the square around a start, and a goal, to draw from [m], (num_worlds, 2)."""
     cumulative_weight: FloatArray
@@ -61,6 +69,8 @@ class Places(NamedTuple):
     goals: FloatArray
     start_yaw: float
     jitter: tuple[float, float]
+    ways: FreeSpace | None
+    """Where the robot gets to from the starts, on a coarse raster; None in a very large world."""
 
 
 @dataclass(frozen=True)
@@ -98,9 +108,20 @@ def find_places(world: World, radius: float, rng: np.random.Generator, limit: in
     choice = _Choice(space, connected, connected & roomy, rng, limit)
     goals, goal_jitter = _goals(world, choice)
     if world.start is not None:
-        return Places(np.array([world.start[:2]]), goals, world.start[2], (0.0, goal_jitter))
+        start = np.array([world.start[:2]])
+        return Places(start, goals, world.start[2], (0.0, goal_jitter), _ways(space, connected))
     starts, jitter = choice.places(world.start_area)
-    return Places(starts, goals, np.nan, (jitter, goal_jitter))
+    return Places(starts, goals, np.nan, (jitter, goal_jitter), _ways(space, connected))
+
+
+def _ways(space: FreeSpace, connected: NDArray[np.bool_]) -> FreeSpace | None:
+    """Return a raster small enough to spread distances over it in each episode."""
+    factor = max(round(WAY_RESOLUTION / space.resolution), 1)
+    while connected.size > MAX_WAY_CELLS * factor**2:
+        factor += 1
+    if factor * space.resolution > MAX_WAY_RESOLUTION:
+        return None
+    return replace(space, free=connected).coarsened(factor)
 
 
 def _connected_to_start(world: World, space: FreeSpace) -> NDArray[np.bool_]:
@@ -241,6 +262,9 @@ def _pack(worlds: Sequence[World], places: Sequence[Places]) -> WorldArrays:
     frames = [
         (*g.origin, g.resolution, *g.occupied.shape[::-1]) if g else (0.0,) * 5 for g in grids
     ]
+    ways = [p.ways for p in places]
+    way_cells, way_begin = _stack([s.free.ravel().view(np.uint8) if s else empty for s in ways])
+    way_frames = [(*s.origin, s.resolution, *s.free.shape[::-1]) if s else (0.0,) * 5 for s in ways]
     return WorldArrays(
         discs=discs,
         disc_begin=disc_begin,
@@ -255,6 +279,9 @@ def _pack(worlds: Sequence[World], places: Sequence[Places]) -> WorldArrays:
         start_yaw=np.array([p.start_yaw for p in places]),
         goals=goals,
         goal_begin=goal_begin,
+        way_cells=way_cells,
+        way_begin=way_begin,
+        way_frame=np.array(way_frames, dtype=np.float64).reshape(len(worlds), 5),
         jitter=np.array([p.jitter for p in places]),
         cumulative_weight=np.arange(1, len(worlds) + 1) / len(worlds),
     )

@@ -18,6 +18,7 @@ from pm01_nav.compilation import cache_folder
 from pm01_nav.config import write_atomically
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.barn import UNREADABLE
+from pm01_nav.worlds.free_space import FreeSpace
 from pm01_nav.worlds.mover import Motion, Mover
 from pm01_nav.worlds.pool import Places, WorldPool, draw_world, pack_pool
 from pm01_nav.worlds.suites import SUITES
@@ -106,9 +107,29 @@ def _to_arrays(drawn: Drawn) -> Arrays:
         "num_movers": np.array([len(world.movers) for world in worlds]),
         "start_yaw": np.array([found.start_yaw for found in places]),
         "jitter": np.array([found.jitter for found in places]),
+        **_way_arrays([found.ways for found in places]),
         **_coded("starts", [found.starts for found in places]),
         **_coded("goals", [found.goals for found in places]),
     }
+
+
+def _way_arrays(ways: list[FreeSpace | None]) -> Arrays:
+    frames = [(*way.origin, way.resolution, *way.free.shape) if way else None for way in ways]
+    cells = [way.free.ravel() if way else np.zeros(0, dtype=np.bool_) for way in ways]
+    laid = _rows("ways", cells)
+    return laid | {"ways": np.packbits(laid["ways"]), "way_frames": _optional(frames, 5)}
+
+
+def _ways(arrays: Arrays) -> Iterator[FreeSpace | None]:
+    """Undo ``_way_arrays``."""
+    lengths = arrays["ways_length"]
+    cells = np.unpackbits(arrays["ways"], count=int(lengths.sum())).view(np.bool_)
+    for frame, free in zip(_tuples(arrays["way_frames"]), _parts(cells, lengths), strict=True):
+        if frame is None:
+            yield None
+        else:
+            shape = int(frame[3]), int(frame[4])
+            yield FreeSpace(free.reshape(shape), frame[2], (frame[0], frame[1]))
 
 
 def _mover_arrays(movers: list[Mover]) -> Arrays:
@@ -152,6 +173,7 @@ def _from_arrays(arrays: Arrays) -> Drawn:
         _decoded(arrays, "goals"),
         arrays["start_yaw"].tolist(),
         map(tuple, arrays["jitter"].tolist()),
+        _ways(arrays),
         strict=True,
     )
     return [(world, Places(*found)) for world, found in zip(worlds, places, strict=True)]
