@@ -135,7 +135,7 @@ def _clear_segments(free, segments, x_min, y_min, resolution, radius):
                     free[row, column] = False
 
 
-@compiled
+@compiled(allocates=True)
 def _clear_inside(free, vertices, x_min, y_min, resolution):
     """Block the cells whose centre is inside a polygon, by counting crossings."""
     height, width = free.shape
