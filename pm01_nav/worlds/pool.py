@@ -156,17 +156,8 @@ def _places_in(
 
 def _region_at(space: FreeSpace, regions: NDArray[np.int32], x: float, y: float) -> int:
     """Return the region of a point, or of the nearest free cell within 0.3 m, else 0."""
-    cell = space.cell(x, y)
-    if cell is None:
-        return 0
-    if regions[cell]:
-        return int(regions[cell])
-    rows, columns = np.nonzero(space.free)
-    distance = np.linalg.norm(space.centre(rows, columns) - np.array([x, y]), axis=1)
-    if len(distance) == 0 or distance.min() > 0.3:
-        return 0
-    nearest = int(distance.argmin())
-    return int(regions[rows[nearest], columns[nearest]])
+    cell = None if space.cell(x, y) is None else space.nearest_free(x, y, within=0.3)
+    return 0 if cell is None else int(regions[cell])
 
 
 def build_pool(worlds: Sequence[World], radius: float, seed: int = 0) -> WorldPool:
