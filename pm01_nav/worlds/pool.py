@@ -80,6 +80,21 @@ class WorldPool:
         """Return the raster of one world on which its places were chosen."""
         return free_space(self.worlds[index], self.radius)
 
+    def set_weights(self, weights: FloatArray) -> None:
+        """Draw worlds in proportion to ``weights`` (num_worlds,) from the next reset on.
+
+        Raises:
+            ValueError: a weight is negative or not finite, or none is positive.
+        """
+        if weights.shape != (len(self),) or not np.isfinite(weights).all() or (weights < 0).any():
+            raise ValueError(f"weights must be {len(self)} finite numbers, none below 0")
+        cumulative = np.cumsum(weights)
+        if cumulative[-1] <= 0.0:
+            raise ValueError("one weight at least must be positive")
+        # Divided by its own last number it ends with exactly 1, and no draw from U[0, 1) falls
+        # beyond it.
+        self.arrays.cumulative_weight[:] = cumulative / cumulative[-1]
+
 
 def find_places(world: World, radius: float, rng: np.random.Generator, limit: int) -> Places:
     """Choose where episodes may start and end, for a disc of ``radius`` [m].
