@@ -297,7 +297,7 @@ def test_training_plot_is_written_for_any_length(tmp_path: Path, num_points: int
 @pytest.mark.parametrize("names", [("stage", "effective_worlds"), ("learnability",)])
 def test_curriculum_has_a_panel_only_where_there_is_one(tmp_path: Path, names) -> None:
     keys = ("seconds", "steps", "success_rate")
-    history = dict.fromkeys(keys, [0.0, 0.5, 1.0])
+    history = {key: [0.0, 0.5, 1.0] for key in keys}
     curriculum = {f"curriculum/{name}": [float("nan"), 1.0, 4.0] for name in names}
     plot_training(history, tmp_path / "without.png", "a run")
     plot_training(history | curriculum, tmp_path / "with.png", "a run")
