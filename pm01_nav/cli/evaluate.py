@@ -50,28 +50,33 @@ def command(
     \b
       pm01 evaluate policy.onnx --task map --map office.yaml --global-plan
     """
-    import json
-
-    from rich.console import Console
-
     from pm01_nav.benchmark.evaluate import Evaluator
     from pm01_nav.benchmark.policies import load_policy, trained_task
-    from pm01_nav.cli.display import results_table
-    from pm01_nav.config import write_atomically
-    from pm01_nav.provenance import provenance
 
     distance = look_ahead_from_options(global_plan, look_ahead)
     task = task_from_options(trained_task(policy), **options)
     driver = load_policy(policy, task.robot_spec(), task.control_dt)
     evaluator = Evaluator(task, episodes, seed, look_ahead=distance)
     summary = {"policy": policy} | evaluator.summary(driver)
+    _report(summary, f"{task.name}: {episodes} episodes, seed {seed}", json_file)
+
+
+def _report(summary: dict[str, Any], title: str, json_file: str | None) -> None:
+    """Write the figures as JSON if asked to, and print them as a table."""
+    import json
+
+    from rich.console import Console
+
+    from pm01_nav.cli.display import results_table
+    from pm01_nav.config import write_atomically
+    from pm01_nav.provenance import provenance
+
     text = json.dumps(summary | provenance(), indent=2)
     if json_file == "-":
         click.echo(text)
         return
     if json_file:
         write_atomically(json_file, text + "\n")
-    title = f"{task.name}: {episodes} episodes, seed {seed}"
-    Console().print(results_table({policy: summary}, title))
+    Console().print(results_table({summary["policy"]: summary}, title))
     if "barn_evaluated_in" in summary:
         click.echo(f"BARN scores: {summary['barn_evaluated_in']}")

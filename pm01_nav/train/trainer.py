@@ -32,7 +32,7 @@ from pm01_nav.train.config import RunConfig
 from pm01_nav.train.history import History
 from pm01_nav.train.ppo import make_policy, make_ppo
 from pm01_nav.train.run_folder import RunFolder
-from pm01_nav.train.runtime import choose_threads, keep_freed_memory
+from pm01_nav.train.runtime import ThreadChoice, choose_threads, keep_freed_memory
 
 COMPILED_WITHIN_S = 3.0
 """Loading compiled kernels takes less than this."""
@@ -255,9 +255,7 @@ def train(
     model = _learner(config, folder, batch, budget)
     if data is not None:
         _go_on(data, model, supervision)
-    if compiled:
-        progress.started(f"compiled the simulator in {compiled:.0f} s, once; not counted")
-    progress.started(f"learner threads: {threads.threads} ({threads.reason})")
+    _announce(progress, compiled, threads)
     with _stop_on_interrupt(supervision.interrupted.set):
         model.learn(2**62, callback=supervision, reset_num_timesteps=data is None)
     export_best(folder, config)
@@ -289,6 +287,13 @@ def _learner(config: RunConfig, folder: RunFolder, batch: NavigationBatch, budge
     model = make_ppo(ppo, env, batch.layout, seed=seed, progress=budget.fraction)
     model.set_logger(_logger(folder))
     return model
+
+
+def _announce(progress: Progress, compiled: float, threads: ThreadChoice) -> None:
+    """Say how the run was set up; ``compiled`` is how long that took [s]."""
+    if compiled:
+        progress.started(f"compiled the simulator in {compiled:.0f} s, once; not counted")
+    progress.started(f"learner threads: {threads.threads} ({threads.reason})")
 
 
 def _go_on(data: dict[str, Any], model: PPO, supervision: Supervision) -> None:

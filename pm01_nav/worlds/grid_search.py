@@ -63,9 +63,8 @@ def cheapest_path(free, extra, start, goal, guided):
     """Return the cells of a cheapest 8-connected path, start first, and what is left from each.
 
     A step of length d [cells] costs d (1 + mean extra of its two cells). Shapes (n, 2) and (n,);
-    no rows where there is no path. Start and goal may stand in closed cells. ``guided`` searches
-    with A* (octile distance), else with Dijkstra's algorithm: the cost is the same, the choice
-    among equal paths is not.
+    no rows where there is no path. Start and goal may stand in closed cells. ``guided`` is A* with
+    the octile distance, else it is Dijkstra's algorithm, which chooses differently among equals.
     """
     height, width = free.shape
     cost = np.full(height * width, np.inf)
