@@ -82,6 +82,10 @@ class PlanarSimulator:
         """Lidar ranges by REP-117 [m], shape (num_envs, num_beams), beam 0 at angle_min."""
         return self.state.scan
 
+    def limit_goal_distance(self, limits: tuple[float, float]) -> None:
+        """Set the least and the greatest distance from a start to its goal [m] from now on."""
+        self._goal_distance[:] = limits
+
     def seed(self, seeds: ArrayLike) -> None:
         """Begin the random stream of each environment anew; ``seeds`` has shape (num_envs,)."""
         self.state.rng_key[:] = stream_keys(np.asarray(seeds))

@@ -29,6 +29,8 @@ class Episodes:
 
     indices: NDArray[np.int64]
     """Which environments, shape (n,)."""
+    world: NDArray[np.int64]
+    """The world of each in the pool, shape (n,)."""
     success: NDArray[np.bool_]
     collision: NDArray[np.bool_]
     steps: NDArray[np.int64]
@@ -180,6 +182,7 @@ class NavigationBatch:
     ) -> Episodes:
         return Episodes(
             indices=done,
+            world=self.simulator.state.world[done],
             success=step.reached[done],
             collision=step.collided[done],
             steps=self._count[done],

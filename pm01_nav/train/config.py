@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from pm01_nav.config import FrozenModel
 from pm01_nav.robot import NonNegative, Positive
 from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.curriculum import AutomaticConfig, CurriculumName, StagedConfig
 
 Count = Annotated[int, Field(ge=1)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -57,6 +58,12 @@ class TrainConfig(FrozenModel):
     threads: Annotated[int, Field(ge=0)] = 0
     """Threads of the learner; 0 measures at the start which number is fastest."""
     ppo: PPOConfig = PPOConfig()
+    curriculum: CurriculumName = "none"
+    """How the worlds of the training episodes are chosen."""
+    staged: StagedConfig = StagedConfig()
+    """For ``curriculum: staged``."""
+    automatic: AutomaticConfig = AutomaticConfig()
+    """For ``curriculum: automatic``."""
 
     @model_validator(mode="after")
     def _ends(self) -> TrainConfig:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import heapq
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pm01_nav.compilation import compiled
+from pm01_nav.worlds.grid_search import cheapest_path, line_is_free, pull_taut
 from pm01_nav.worlds.world import OccupancyGrid, World
 
 FloatArray = NDArray[np.float64]
@@ -54,6 +54,28 @@ class FreeSpace:
         free = padded.reshape(height, factor, width, factor).any(axis=(1, 3))
         size = factor * self.resolution
         return FreeSpace(np.pad(free, 1), size, (self.origin[0] - size, self.origin[1] - size))
+
+    def nearest_free(self, x: float, y: float, within: float) -> tuple[int, int] | None:
+        """Return the free cell whose centre is nearest to a point, or None further than ``within``.
+
+        The cell that holds the point is taken if it is free, however far its centre.
+        """
+        cell = self.cell(x, y)
+        if cell is not None and self.free[cell]:
+            return cell
+        reach = int(np.ceil(within / self.resolution)) + 1
+        row, column = np.floor((np.array([y, x]) - self.origin[::-1]) / self.resolution).astype(
+            np.int64
+        )
+        low = max(row - reach, 0), max(column - reach, 0)
+        high = max(row + reach + 1, 0), max(column + reach + 1, 0)
+        rows, columns = np.nonzero(self.free[low[0] : high[0], low[1] : high[1]])
+        rows, columns = rows + low[0], columns + low[1]
+        distance = np.linalg.norm(self.centre(rows, columns) - np.array([x, y]), axis=1)
+        if len(distance) == 0 or distance.min() > within:
+            return None
+        nearest = int(distance.argmin())
+        return int(rows[nearest]), int(columns[nearest])
 
     def centre(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> FloatArray:
         """Return the centres of cells, shape (n, 2) [m]."""
@@ -213,12 +235,13 @@ def shortest_path(
         return np.zeros((0, 2))
     if line_is_free(space.free, *first, *last):
         return np.array([start, goal], dtype=np.float64)
-    cells = _grid_path(space.free, first[0], first[1], last[0], last[1])
+    even = np.zeros(space.free.shape, dtype=np.float32)
+    cells, costs = cheapest_path(space.free, even, first, last, False)
     if len(cells) == 0:
         return np.zeros((0, 2))
     corners = space.centre(cells[:, 0], cells[:, 1])
     corners[0], corners[-1] = start, goal
-    return corners[_taut(space.free, cells)]
+    return corners[pull_taut(space.free, even, cells, costs, len(cells))]
 
 
 def shortest_path_length(
@@ -229,78 +252,3 @@ def shortest_path_length(
     if len(path) == 0:
         return float("inf")
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-
-
-@compiled
-def line_is_free(free, row, column, row_end, column_end):
-    """Tell whether all cells that a straight line between two centres passes are free."""
-    steps = 2 * max(abs(row_end - row), abs(column_end - column))
-    for k in range(steps + 1):
-        part = k / max(steps, 1)
-        r = int(np.floor(row + part * (row_end - row) + 0.5))
-        c = int(np.floor(column + part * (column_end - column) + 0.5))
-        if not free[r, c]:
-            return False
-    return True
-
-
-@compiled(allocates=True)
-def _grid_path(free, row, column, row_end, column_end):
-    """Return the cells of a shortest 8-connected path, start first, shape (n, 2)."""
-    height, width = free.shape
-    cost = np.full(height * width, np.inf)
-    parent = np.full(height * width, -1, dtype=np.int64)
-    # The start and the goal may stand in cells that the inflation closed.
-    source, target = row_end * width + column_end, row * width + column
-    cost[source] = 0.0
-    queue = [(0.0, source)]
-    while len(queue) > 0:
-        distance, here = heapq.heappop(queue)
-        if here == target:
-            break
-        if distance > cost[here]:
-            continue
-        r, c = here // width, here % width
-        for dr in range(-1, 2):
-            for dc in range(-1, 2):
-                nr, nc = r + dr, c + dc
-                if (dr == 0 and dc == 0) or nr < 0 or nc < 0 or nr >= height or nc >= width:
-                    continue
-                there = nr * width + nc
-                if not free[nr, nc] and there != target:
-                    continue
-                through = distance + np.sqrt(float(dr * dr + dc * dc))
-                if through < cost[there]:
-                    cost[there] = through
-                    parent[there] = here
-                    heapq.heappush(queue, (through, there))
-    if not np.isfinite(cost[target]):
-        return np.zeros((0, 2), dtype=np.int64)
-    count = 1
-    here = target
-    while here != source:
-        here = parent[here]
-        count += 1
-    path = np.zeros((count, 2), dtype=np.int64)
-    here = target
-    for k in range(count):
-        path[k, 0], path[k, 1] = here // width, here % width
-        here = parent[here]
-    return path
-
-
-@compiled(allocates=True)
-def _taut(free, cells):
-    """Return the indices of the cells left after skipping all that can be seen past."""
-    count = cells.shape[0]
-    kept = [0]
-    here = 0
-    while here < count - 1:
-        furthest = here + 1
-        for k in range(count - 1, here + 1, -1):
-            if line_is_free(free, cells[here, 0], cells[here, 1], cells[k, 0], cells[k, 1]):
-                furthest = k
-                break
-        kept.append(furthest)
-        here = furthest
-    return np.array(kept)

@@ -90,6 +90,21 @@ class WorldPool:
         """Return the raster of one world on which its places were chosen."""
         return free_space(self.worlds[index], self.radius)
 
+    def set_weights(self, weights: FloatArray) -> None:
+        """Draw worlds in proportion to ``weights`` (num_worlds,) from the next reset on.
+
+        Raises:
+            ValueError: a weight is negative or not finite, or none is positive.
+        """
+        if weights.shape != (len(self),) or not np.isfinite(weights).all() or (weights < 0).any():
+            raise ValueError(f"weights must be {len(self)} finite numbers, none below 0")
+        cumulative = np.cumsum(weights)
+        if cumulative[-1] <= 0.0:
+            raise ValueError("one weight at least must be positive")
+        # Divided by its own last number it ends with exactly 1, and no draw from U[0, 1) falls
+        # beyond it.
+        self.arrays.cumulative_weight[:] = cumulative / cumulative[-1]
+
 
 def find_places(world: World, radius: float, rng: np.random.Generator, limit: int) -> Places:
     """Choose where episodes may start and end, for a disc of ``radius`` [m].
@@ -185,17 +200,8 @@ class _Choice:
 
 def _region_at(space: FreeSpace, regions: NDArray[np.int32], x: float, y: float) -> int:
     """Return the region of a point, or of the nearest free cell within 0.3 m, else 0."""
-    cell = space.cell(x, y)
-    if cell is None:
-        return 0
-    if regions[cell]:
-        return int(regions[cell])
-    rows, columns = np.nonzero(space.free)
-    distance = np.linalg.norm(space.centre(rows, columns) - np.array([x, y]), axis=1)
-    if len(distance) == 0 or distance.min() > 0.3:
-        return 0
-    nearest = int(distance.argmin())
-    return int(regions[rows[nearest], columns[nearest]])
+    cell = None if space.cell(x, y) is None else space.nearest_free(x, y, within=0.3)
+    return 0 if cell is None else int(regions[cell])
 
 
 def build_pool(worlds: Sequence[World], radius: float, seed: int = 0) -> WorldPool:

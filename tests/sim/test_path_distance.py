@@ -36,10 +36,10 @@ def wall_with_a_gap() -> World:
 def test_way_around_a_wall() -> None:
     sim = simulator(build_pool([wall_with_a_gap()], RADIUS))
     sim.place(np.array([0]), [[2.0, 1.0, 0.0]], [[4.0, 1.0]])
-    # Around the wall's end at a distance of 0.27 m: the tangents from (2, 1) and (4, 1) to a circle
-    # around (3, 2.5), each sqrt(3.25 - 0.0729) = 1.782 m, and an arc of 0.27 m x 0.88 rad between.
+    # Around the end of the wall at 0.27 m: the tangents from (2, 1) and (4, 1) to a circle around
+    # (3, 2.5), each sqrt(3.25 - 0.0729) = 1.782 m, and an arc of 0.27 m x 0.88 rad between them.
     shortest = 2 * 1.782 + 0.27 * 0.88
-    # Steps to eight neighbours lengthen a way by at most 8.3 %; ends and bend cost half a cell each.
+    # Steps to eight neighbours lengthen a way by 8.3 % at most; ends and bend cost half a cell.
     assert shortest - 0.1 <= sim.state.path_distance[0] <= 1.083 * shortest + 0.3
     assert sim.state.goal_polar[0, 0] == pytest.approx(2.0)
 

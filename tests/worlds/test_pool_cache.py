@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pm01_nav.worlds import pool_cache
+from pm01_nav.worlds.free_space import FreeSpace
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.pool import Places, WorldPool, generate_pool
 from pm01_nav.worlds.pool_cache import suite_pool
@@ -76,14 +77,21 @@ def test_all_fields_of_a_world_survive() -> None:
         goal_area=(3.0, 3.0, 3.0, 3.0),
     )
     bare = World("bare", (0.0, 0.0, 1.0, 1.0))
-    places = Places(np.array([[0.1, 0.2]]), np.array([[0.3, 0.4], [1 / 3, -0.0]]), 1.5, (0.0, 0.05))
-    drawn = [(full, places), (bare, places._replace(start_yaw=np.nan)), (full, places)]
+    goals = np.array([[0.3, 0.4], [1 / 3, -0.0]])
+    ways = FreeSpace(np.array([[True, False, True], [False, True, True]]), 0.2, (-1.0, 0.5))
+    places = Places(np.array([[0.1, 0.2]]), goals, 1.5, (0.0, 0.05), ways)
+    drawn = [(full, places), (bare, places._replace(start_yaw=np.nan, ways=None)), (full, places)]
     again = pool_cache._from_arrays(pool_cache._to_arrays(drawn))
     assert worlds_hash(w for w, _ in again) == worlds_hash(w for w, _ in drawn)
     for (_, one), (_, other) in zip(again, drawn, strict=True):
         assert one.starts.tolist() == other.starts.tolist()
         assert one.goals.tolist() == other.goals.tolist()
         assert one.jitter == other.jitter
+        assert (one.ways is None) == (other.ways is None)
+        if one.ways is not None:
+            assert one.ways.free.tolist() == other.ways.free.tolist()
+            assert one.ways.resolution == other.ways.resolution
+            assert one.ways.origin == other.ways.origin
         assert one.start_yaw == other.start_yaw or np.isnan([one.start_yaw, other.start_yaw]).all()
 
 
