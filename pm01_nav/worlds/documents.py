@@ -19,7 +19,29 @@ MAX_BYTES = 64_000_000
 MAX_DEPTH = 64
 """Brackets or elements within each other; deeper ones overflow the parsers' stacks."""
 # The C parser is ten times faster. Not every PyYAML has it.
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _Loader(_SafeLoader):
+    """Refuse a key that stands twice, of which the safe loader drops the first."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        _refuse_twice(keys)
+        return super().construct_mapping(node, deep)
+
+
+def _refuse_twice(keys: list[str]) -> None:
+    seen: set[str] = set()
+    for key in keys:
+        if key in seen:
+            raise ValueError(f"the key {key[:80]!r} stands twice")
+        seen.add(key)
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    _refuse_twice([key for key, _ in pairs])
+    return dict(pairs)
 
 
 def read_text(path: Path) -> str:
@@ -55,7 +77,7 @@ def load_yaml(path: Path) -> dict[str, Any]:
     text = read_text(path)
     try:
         _check_events(text, path)
-        data = yaml.load(text, Loader=_Loader)  # noqa: S506 - both are safe loaders.
+        data = yaml.load(text, Loader=_Loader)  # noqa: S506 - it is a safe loader.
     except InputError:
         raise
     # Beside its own errors PyYAML lets through those of impossible dates, numbers and keys.
@@ -116,7 +138,7 @@ def load_json(path: Path) -> dict[str, Any]:
     """
     text = read_text(path)
     try:
-        data = json.loads(text)
+        data = json.loads(text, object_pairs_hook=_unique)
     # Deep brackets end in a RecursionError; a number of thousands of digits is a ValueError.
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not valid JSON: {_one_line(error)}") from error

@@ -167,10 +167,13 @@ def _read_include(include: Element, scene: _Scene, place: Place, home: str) -> N
     found = scene.folders.find(uri, place.file, where)
     if found is None:
         return
-    root = scene.folders.parsed(found)
-    model = root.find("model")
+    try:
+        model_file = scene.folders.parsed(found)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    model = model_file.find("model")
     if model is None:
-        if root.find("light") is None:
+        if model_file.find("light") is None:
             scene.skipped.append(f"include {uri[:200]!r} (no model in it)")
         return
     # As in SDF, the pose of the include replaces that of the model.

@@ -12,9 +12,9 @@ from pm01_nav.worlds.documents import parse_xml
 
 NO_OBSTACLES = ("sun", "ground_plane")
 """Models that every Gazebo has and that stand in nobody's way."""
-MAX_ELEMENTS = 2_000_000
-"""Elements of all included files, each time they are included: few files can repeat each other
-without end."""
+MAX_INCLUDES, MAX_ELEMENTS = 5_000, 2_000_000
+"""Included files, and their elements, each time they are included: a few files that include each
+other can repeat without end."""
 
 
 class ModelFolders:
@@ -32,7 +32,7 @@ class ModelFolders:
                 raise InputError(f"model folder {folder}: must be an existing folder")
         self._roots = [folder.resolve() for folder in (*given, beside)]
         self._parsed: dict[Path, tuple[Element, int]] = {}
-        self._num_elements = 0
+        self._num_includes = self._num_elements = 0
 
     def find(self, uri: str, including: Path, where: str) -> Path | None:
         """Return the SDF file that ``uri`` names, None for a model that is no obstacle.
@@ -64,9 +64,11 @@ class ModelFolders:
             root = parse_xml(path)
             self._parsed[path] = (root, sum(1 for _ in root.iter()))
         root, size = self._parsed[path]
+        self._num_includes += 1
         self._num_elements += size
-        if self._num_elements > MAX_ELEMENTS:
-            raise InputError(f"{path}: the included models have more than {MAX_ELEMENTS} elements")
+        if self._num_includes > MAX_INCLUDES or self._num_elements > MAX_ELEMENTS:
+            limit = f"{MAX_INCLUDES} models or {MAX_ELEMENTS} elements"
+            raise InputError(f"{path}: more than {limit} are included")
         return root
 
     def _file(self, base: Path, name: str, where: str) -> Path | None:

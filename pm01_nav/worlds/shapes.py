@@ -71,7 +71,7 @@ def grid_boxes(grid: OccupancyGrid) -> list[Box]:
     first = np.nonzero(~joins)[0]
     if len(first) > MAX_BOXES:
         raise InputError(f"the grid would take {len(first)} boxes; at most {MAX_BOXES} are written")
-    last = np.append(first[1:], len(runs)) - 1
+    last = np.append(first, len(runs))[1:] - 1
     size, (x, y) = grid.resolution, grid.origin
     boxes = []
     for bottom, begin, end, top in np.column_stack([runs[first], runs[last, 0]]).tolist():

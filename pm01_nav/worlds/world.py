@@ -109,7 +109,8 @@ class World:
 
     def _check_numbers(self) -> None:
         named: list[tuple[str, object]] = [("discs", self.discs), ("segments", self.segments)]
-        named += [(f"movers[{k}]", mover.points) for k, mover in enumerate(self.movers)]
+        for k, mover in enumerate(self.movers):
+            named.append((f"movers[{k}]", [*mover.points.flat, mover.radius, mover.speed]))
         named += [("start", self.start or ()), ("goal_area", self.goal_area or ())]
         for name, values in named:
             _check_coordinates(np.asarray(values, dtype=np.float64), name)
