@@ -16,6 +16,8 @@ from pm01_nav.errors import InputError
 
 MAX_BYTES = 64_000_000
 """Larger files are refused unread; 200 000 discs take 13 MB of YAML."""
+MAX_EVENTS = 2_000_000
+"""Values and brackets of a YAML file; 200 000 segments take 1.2 million."""
 MAX_DEPTH = 64
 """Brackets or elements within each other; deeper ones overflow the parsers' stacks."""
 # The C parser is ten times faster. Not every PyYAML has it.
@@ -91,7 +93,9 @@ def load_yaml(path: Path) -> dict[str, Any]:
 def _check_events(text: str, path: Path) -> None:
     """Refuse what would overflow the stack, or expand to any amount of memory, when loaded."""
     depth = 0
-    for event in yaml.parse(text, Loader=_Loader):
+    for count, event in enumerate(yaml.parse(text, Loader=_Loader)):
+        if count > MAX_EVENTS:
+            raise InputError(f"{path}: holds more than {MAX_EVENTS} values")
         if isinstance(event, yaml.AliasEvent):
             raise InputError(f"{path}: must not use YAML aliases (*{event.anchor})")
         if isinstance(event, yaml.CollectionStartEvent):

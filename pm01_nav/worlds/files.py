@@ -6,8 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+
 from pm01_nav.config import write_atomically
 from pm01_nav.errors import InputError
+from pm01_nav.geometry import points_in_polygon
 from pm01_nav.worlds.barn_grid import read_barn_grid
 from pm01_nav.worlds.documents import load_yaml
 from pm01_nav.worlds.mjcf import world_to_mjcf
@@ -36,20 +39,48 @@ def read_world(
     ``read_dynabarn``.
 
     Raises:
-        InputError: the file cannot be read, is of another kind, or is wrong.
+        InputError: the file cannot be read, is of another kind, or is wrong; an obstacle stands on
+            the start.
     """
     path = Path(path)
+    world = _read(path, model_folders, (z_min, z_max), strict)
+    obstacle = None if world.start is None else _obstacle_at(world, *world.start[:2])
+    if obstacle is not None:
+        raise InputError(f"{path}: start = {world.start}: lies in {obstacle}; it must be free")
+    return world
+
+
+def _read(
+    path: Path, model_folders: Iterable[str | Path], band: tuple[float, float], strict: bool
+) -> World:
     suffix = path.suffix.lower()
     if suffix in (".yaml", ".yml"):
         return read_ros_map(path) if "image" in load_yaml(path) else read_yaml_world(path)
     if suffix in (".sdf", ".world"):
         return read_sdf_world(
-            path, model_folders=model_folders, z_min=z_min, z_max=z_max, strict=strict
+            path, model_folders=model_folders, z_min=band[0], z_max=band[1], strict=strict
         )
     if suffix == ".npy":
         return read_barn_grid(path)
     allowed = ".yaml (a world or a ROS map), .sdf, .world, .npy (a BARN grid)"
     raise InputError(f"{path}: unknown kind of world; allowed: {allowed}")
+
+
+def _obstacle_at(world: World, x: float, y: float) -> str | None:
+    """Name the static obstacle that a point lies in, None where there is none."""
+    gaps = np.hypot(world.discs[:, 0] - x, world.discs[:, 1] - y) - world.discs[:, 2]
+    if len(gaps) and gaps.min() < 0.0:
+        return f"discs[{int(gaps.argmin())}]"
+    for index, polygon in enumerate(world.polygons):
+        if points_in_polygon(np.array([[x, y]]), polygon)[0]:
+            return f"polygons[{index}]"
+    if world.grid is not None:
+        column = int(np.floor((x - world.grid.origin[0]) / world.grid.resolution))
+        row = int(np.floor((y - world.grid.origin[1]) / world.grid.resolution))
+        height, width = world.grid.occupied.shape
+        if 0 <= row < height and 0 <= column < width and world.grid.occupied[row, column]:
+            return "a solid cell of the map"
+    return None
 
 
 def write_world(

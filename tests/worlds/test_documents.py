@@ -74,6 +74,12 @@ def test_yaml_refused(tmp_path: Path, text: str, words: str) -> None:
     refused(load_yaml, write(tmp_path, text), words)
 
 
+def test_yaml_with_too_many_values(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(documents, "MAX_EVENTS", 20)
+    assert load_yaml(write(tmp_path, "a: [1, 2, 3]")) == {"a": [1, 2, 3]}
+    refused(load_yaml, write(tmp_path, f"a: {list(range(30))}"), "holds more than 20 values")
+
+
 def test_xml_refused(tmp_path: Path) -> None:
     refused(parse_xml, write(tmp_path, "<a>" * 65 + "</a>" * 65), "nested more than 64 deep")
     refused(parse_xml, write(tmp_path, "<!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>"), "DOCTYPE")

@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pm01_nav.errors import InputError
+from pm01_nav.geometry import rectangle
 from pm01_nav.worlds.files import WORLD_FORMATS, read_world, write_world
-from pm01_nav.worlds.world import World
+from pm01_nav.worlds.world import OccupancyGrid, World
 
 WORLD = World("lab", (0.0, 0.0, 4.0, 3.0), discs=np.array([[1.0, 2.0, 0.3]]))
 
@@ -61,3 +63,27 @@ def test_where_nothing_can_be_written(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="format = 'stl': unknown; allowed: yaml, map, sdf, mjcf"):
         write_world(WORLD, tmp_path / "a.stl", "stl")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        # Even a post that the raster of places does not see.
+        ({"discs": np.array([[3.0, 1.0, 0.1], [1.0, 1.0, 0.05]])}, r"lies in discs\[1\]"),
+        ({"polygons": (rectangle(1.0, 1.0, 0.2, 0.2),)}, r"lies in polygons\[0\]"),
+        ({"grid": OccupancyGrid(np.eye(2, dtype=np.uint8), 0.8, (0.0, 0.0))}, "lies in a solid"),
+    ],
+)
+def test_obstacle_on_the_start(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
+    world = World("lab", (0.0, 0.0, 4.0, 3.0), start=(1.0, 1.0, 0.0), **changes)
+    write_world(world, tmp_path / "a.yaml", "yaml")
+    with pytest.raises(InputError, match=words) as problem:
+        read_world(tmp_path / "a.yaml")
+    assert "a.yaml: start = (1.0, 1.0, 0.0)" in str(problem.value)
+
+
+def test_free_start_in_a_map(tmp_path: Path) -> None:
+    grid = OccupancyGrid(np.eye(2, dtype=np.uint8), 0.8, (0.0, 0.0))
+    world = World("lab", (0.0, 0.0, 4.0, 3.0), start=(1.0, 0.5, 0.0), grid=grid)
+    write_world(world, tmp_path / "a.yaml", "yaml")
+    assert read_world(tmp_path / "a.yaml").start == (1.0, 0.5, 0.0)
