@@ -30,8 +30,23 @@ def is_simple(vertices: FloatArray) -> bool:
     another edge are refused like a crossing.
     """
     vertices = np.ascontiguousarray(vertices, dtype=np.float64)
+    # Boxes are most of all polygons; for them alone nothing needs to be compiled.
+    if _is_convex(vertices):
+        return True
     left_ends = np.minimum(vertices[:, 0], np.roll(vertices[:, 0], -1))
     return bool(_edges_meet_at_corners_only(vertices, np.argsort(left_ends, kind="stable")))
+
+
+def _is_convex(vertices: FloatArray) -> bool:
+    """Tell whether a polygon (n, 2) turns to one side at every corner, and once around in all."""
+    edges = np.roll(vertices, -1, axis=0) - vertices
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    if not ((turns > 0.0).all() or (turns < 0.0).all()):
+        return False
+    # A star turns to one side at every corner, too, but twice around.
+    angles = np.arctan2(turns, (edges * following).sum(axis=1))
+    return bool(abs(abs(angles.sum()) - 2.0 * np.pi) < 1e-6)
 
 
 @compiled

@@ -78,6 +78,12 @@ def test_star_is_simple_and_its_second_turn_is_not(yaw: float, shift: float, cor
     assert not is_simple(np.concatenate([star, star]))
 
 
+def test_five_pointed_star_crosses_itself() -> None:
+    # Every second corner of a pentagon: it turns left everywhere, and twice around.
+    angle = 4.0 * np.pi * np.arange(5) / 5
+    assert not is_simple(np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
 def test_area() -> None:
     assert has_area(rectangle(0, 0, 1e-3, 1e-3, 0.3))
     # A sliver of 1 m by 1 nm: 1e-9 of the square of its extent.

@@ -136,7 +136,7 @@ def test_text_alone_cannot_hold_a_grid() -> None:
     [
         (("bounds: [0, 0, 8, 6]", ""), "bounds: is missing; give x_min"),
         (("bounds: [0, 0, 8, 6]", "bounds: [0, 0, 8]"), "bounds.3: is missing"),
-        (("name: lab", "nome: lab"), "nome: unknown key; allowed here: name, bounds"),
+        (("name: lab", "label: lab"), "label: unknown key; allowed here: name, bounds"),
         (("[3, 2, 0.4]", "[3, 2, -0.4]"), r"discs\[0\]: radius = -0.4: must be positive"),
         (("[3, 2, 0.4]", "[3, .nan, 0.4]"), "discs.0.1 = nan: input should be a finite number"),
         (("[3, 2, 0.4]", "[3, 2, wide]"), "discs.0.2 = 'wide': input should be a valid number"),
