@@ -184,6 +184,13 @@ def test_unsupported_geometry_is_named(tmp_path: Path) -> None:
     refused(tmp_path, text, r"not supported: mesh \(model 'table'", strict=True)
 
 
+def test_tilted_shape_that_rounding_leaves_no_area(tmp_path: Path) -> None:
+    # A nanometre at 100 000 km from the origin: all its corners are the same number.
+    grain = part("<box><size>1e-9 1e-9 1e-9</size></box>")
+    text = sdf(model(grain, "1e8 1e8 0.2 0.5 0 0"), model(part(BOX)))
+    refused(tmp_path, text, "not supported: shape too thin to have a floor area", strict=True)
+
+
 def include(uri: str, pose: str = "") -> str:
     pose = f"<pose>{pose}</pose>" if pose else ""
     return f"<include><uri>{uri}</uri>{pose}</include>"
