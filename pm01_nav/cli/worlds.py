@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import click
 
+from pm01_nav.cli.worlds_export import export
 
-@click.group("worlds", short_help="Look at the generated worlds.")
+
+@click.group("worlds", short_help="Look at generated worlds, or write one to a file.")
 def command() -> None:
-    """Look at the worlds of a suite.
+    """Look at the worlds of a suite, or write one for another simulator.
 
     A suite is a family of generated worlds: empty, static, article, barn_like, corridors, rooms,
     maze, u_traps, crowd, warehouse, or mixed, which draws from most of the others.
@@ -46,3 +48,6 @@ def show(suite: str, seed: int, count: int, output: str) -> None:
     pool = world_pool(task_config(suite), "held_out", count, seed)
     save_sheet(draw_sheet(pool, seed), output)
     click.echo(f"wrote {output}")
+
+
+command.add_command(export)

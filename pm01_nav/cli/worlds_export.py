@@ -20,7 +20,7 @@ import click
     "--resolution", default=0.05, show_default=True, help="Side of a map's cell [m], for map."
 )
 @click.option("-o", "--output", required=True, metavar="FILE", help="The file to write.")
-def command(suite: str, seed: int, format_: str, resolution: float, output: str) -> None:
+def export(suite: str, seed: int, format_: str, resolution: float, output: str) -> None:
     """Write one generated world of SUITE to a file.
 
     It is the held-out world with the number --seed, the same that `pm01 evaluate` drives in for

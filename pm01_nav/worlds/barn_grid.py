@@ -47,7 +47,7 @@ def read_barn_grid(path: str | Path) -> World:
     inside = ndimage.binary_erosion(solid, np.ones((3, 3)))
     rows, columns = np.nonzero(solid & ~np.asarray(inside, dtype=np.bool_))
     blobs = np.column_stack([_row_x(rows), FIRST_COLUMN_Y + CELL * columns])
-    places = np.concatenate([_walls(), blobs])
+    places = np.concatenate([outer_walls(), blobs])
     discs = np.column_stack([places, np.full(len(places), RADIUS)])
     goal_area = (*barn.GOAL, *barn.GOAL)
     try:
@@ -81,7 +81,7 @@ def _row_x(rows: NDArray[np.int64]) -> FloatArray:
     return np.asarray(-4.425 + CELL * rows, dtype=np.float64)
 
 
-def _walls() -> FloatArray:
+def outer_walls() -> FloatArray:
     """Return the 96 cylinders before the grid: a wall behind the start and one on each side."""
     across = _row_x(np.arange(ROWS))
     along = RADIUS + CELL * np.arange(1, WALL_COLUMNS)

@@ -87,7 +87,7 @@ def _folds_back(ends: FloatArray) -> bool:
     return _turn(ax, ay, bx, by, cx, cy) == 0 and forward <= 0.0
 
 
-@compiled
+@compiled(allocates=True)
 def _edges_meet_at_corners_only(vertices: FloatArray, order: NDArray[np.int64]) -> bool:
     """Compare each edge with those that begin left of its right end; ``order`` is by left ends."""
     count = len(vertices)

@@ -132,7 +132,7 @@ def _fill_segments(solid: CellArray, segments: FloatArray) -> None:
                 solid[row, column] = 1
 
 
-@compiled
+@compiled(allocates=True)
 def _fill_inside(solid: CellArray, edges: FloatArray) -> None:
     """Fill the cells whose centre lies inside a polygon, row by row; ``edges`` (n, 4) in cells."""
     height, width = solid.shape

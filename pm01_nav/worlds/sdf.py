@@ -33,7 +33,7 @@ from pm01_nav.worlds.world import MAX_OBSTACLES, World
 FloatArray = NDArray[np.float64]
 
 NAMESPACE = "urn:pm01-nav:world"
-"""Of our own elements: bounds, start and goal_area, which SDF has no place for."""
+"""Of our own elements: bounds, start, start_area and goal_area, which SDF has no place for."""
 BAND = (0.0, 0.5)
 """Heights that the robot or its lidar can meet [m]."""
 MARGIN = 1.0
@@ -116,7 +116,7 @@ def _world(content: Element, scene: _Scene, path: Path) -> World:
     bounds = _own_element(content, "bounds", 4)
     if bounds is None:
         bounds = _bounds_around(discs, scene)
-    start, goal_area = _own_element(content, "start", 3), _own_element(content, "goal_area", 4)
+    start = _own_element(content, "start", 3)
     return World(
         content.get("name") or path.stem,
         (bounds[0], bounds[1], bounds[2], bounds[3]),
@@ -124,10 +124,14 @@ def _world(content: Element, scene: _Scene, path: Path) -> World:
         polygons=tuple(scene.polygons),
         movers=tuple(scene.movers),
         start=None if start is None else (start[0], start[1], start[2]),
-        goal_area=None
-        if goal_area is None
-        else (goal_area[0], goal_area[1], goal_area[2], goal_area[3]),
+        start_area=_area(content, "start_area"),
+        goal_area=_area(content, "goal_area"),
     )
+
+
+def _area(content: Element, name: str) -> tuple[float, float, float, float] | None:
+    area = _own_element(content, name, 4)
+    return None if area is None else (area[0], area[1], area[2], area[3])
 
 
 def _own_element(content: Element, name: str, count: int) -> list[float] | None:

@@ -39,7 +39,7 @@ def world_to_sdf(world: World) -> str:
     root = Element("sdf", version="1.9")
     root.append(Comment(ABOUT))
     element = SubElement(root, "world", name=xml_name(world.name))
-    for name in ("bounds", "start", "goal_area"):
+    for name in ("bounds", "start", "start_area", "goal_area"):
         values = getattr(world, name)
         if values is not None:
             SubElement(element, f"{{{NAMESPACE}}}{name}").text = text_of(values)

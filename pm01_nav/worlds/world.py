@@ -92,8 +92,8 @@ class World:
             for index, polygon in enumerate(self.polygons):
                 _check_polygon(polygon, f"polygons[{index}]")
             _check_bounds(self.bounds)
-            if self.goal_area is not None:
-                _check_goal_area(self.goal_area)
+            for name in ("start_area", "goal_area"):
+                _check_area(getattr(self, name), name)
         except InputError as error:
             raise InputError(f"world {self.name}: {error}") from None
 
@@ -113,7 +113,9 @@ class World:
         named: list[tuple[str, object]] = [("discs", self.discs), ("segments", self.segments)]
         for k, mover in enumerate(self.movers):
             named.append((f"movers[{k}]", [*mover.points.flat, mover.radius, mover.speed]))
-        named += [("start", self.start or ()), ("goal_area", self.goal_area or ())]
+        named += [
+            (name, getattr(self, name) or ()) for name in ("start", "start_area", "goal_area")
+        ]
         for name, values in named:
             _check_coordinates(np.asarray(values, dtype=np.float64), name)
         for index in np.nonzero(self.discs[:, 2] <= 0.0)[0][:1]:
@@ -157,6 +159,6 @@ def _check_bounds(bounds: tuple[float, float, float, float]) -> None:
             raise InputError(f"bounds {bounds}: a side of {side:.6g} m: must be {least} to {most}")
 
 
-def _check_goal_area(area: tuple[float, float, float, float]) -> None:
-    if area[0] > area[2] or area[1] > area[3]:
-        raise InputError(f"goal_area = {area}: must be x_min, y_min, x_max, y_max")
+def _check_area(area: tuple[float, float, float, float] | None, name: str) -> None:
+    if area is not None and (area[0] > area[2] or area[1] > area[3]):
+        raise InputError(f"{name} = {area}: must be x_min, y_min, x_max, y_max")

@@ -57,6 +57,7 @@ class WorldFile(FrozenModel):
     """x_min, y_min, x_max, y_max; the map's extent, if there is a map and no bounds."""
     start: tuple[float, float, float] | None = None
     """x, y, yaw."""
+    start_area: Area | None = None
     goal_area: Area | None = None
     """x_min, y_min, x_max, y_max."""
     discs: tuple[tuple[float, float, float], ...] = ()
@@ -93,6 +94,7 @@ def read_yaml_world(path: str | Path) -> World:
             grid=None if grid_world is None else grid_world.grid,
             movers=tuple(_mover(mover, f"movers[{k}]") for k, mover in enumerate(file.movers)),
             start=file.start,
+            start_area=file.start_area,
             goal_area=file.goal_area,
         )
     except InputError as error:
@@ -140,8 +142,9 @@ def world_to_yaml(world: World, map_name: str | None = None) -> str:
     data: dict[str, Any] = {"name": world.name, "bounds": _floats(world.bounds)}
     if world.start is not None:
         data["start"] = _floats(world.start)
-    if world.goal_area is not None:
-        data["goal_area"] = _floats(world.goal_area)
+    for name in ("start_area", "goal_area"):
+        if (area := getattr(world, name)) is not None:
+            data[name] = _floats(area)
     if map_name is not None:
         data["map"] = map_name
     data["discs"] = [_floats(row) for row in world.discs]

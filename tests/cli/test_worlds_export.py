@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from pm01_nav.cli.worlds_export import command
+from pm01_nav.cli.worlds import command
 from pm01_nav.errors import InputError
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
@@ -16,7 +16,7 @@ from pm01_nav.worlds.files import read_world
 
 
 def export(*arguments: str) -> str:
-    done = CliRunner().invoke(command, arguments, catch_exceptions=True)
+    done = CliRunner().invoke(command, ["export", *arguments], catch_exceptions=True)
     if isinstance(done.exception, InputError):
         raise done.exception
     assert done.exit_code == 0, done.output

@@ -60,6 +60,7 @@ def worlds(draw: st.DrawFn) -> World:
         segments=np.array(draw(walls), dtype=np.float64).reshape(-1, 4),
         movers=tuple(draw(st.lists(movers(), max_size=3))),
         start=draw(st.none() | st.tuples(place, place, place)),
+        start_area=draw(st.none() | st.just((-2.0, -0.3, -1.5, 0.7))),
         goal_area=draw(st.none() | st.just((-1.0, 0.1, 2.5, 0.3))),
     )
 

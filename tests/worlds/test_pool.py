@@ -320,8 +320,9 @@ def test_path_has_its_ends_and_its_length() -> None:
 def test_cells_inside_polygons_are_not_free() -> None:
     rng = np.random.default_rng(0)
     for _ in range(30):
-        # Star-shaped, and partly outside the bounds.
-        angles = np.sort(rng.uniform(-np.pi, np.pi, rng.integers(3, 9)))
+        # Star-shaped (no gap of half a turn), and partly outside the bounds.
+        count = rng.integers(3, 9)
+        angles = (2.0 * np.arange(count) + rng.uniform(0.0, 1.0, count)) * np.pi / count
         around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         polygon = rng.uniform(0.0, 6.0, 2) + rng.uniform(0.5, 3.0, (len(angles), 1)) * around
         space = free_space(World("polygon", BOUNDS, polygons=(polygon,)), 1e-9)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pm01_nav.worlds import barn
+from pm01_nav.worlds.barn_grid import outer_walls
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -44,7 +45,7 @@ def barn_like(rng: np.random.Generator) -> World:
     inside = ndimage.binary_erosion(solid, np.ones((3, 3))).astype(np.bool_)
     row, column = np.nonzero(solid & ~inside)
     blobs = np.stack([-4.425 + BARN_CELL * row, 5.175 + BARN_CELL * column], axis=1)
-    places = np.concatenate([_barn_walls(), blobs])
+    places = np.concatenate([outer_walls(), blobs])
     discs = np.column_stack([places, np.full(len(places), BARN_RADIUS)])
     goal_area = (*barn.GOAL, *barn.GOAL)
     return World("barn_like", barn.BOUNDS, discs=discs, start=barn.START, goal_area=goal_area)
@@ -83,15 +84,3 @@ def _cheapest_way(solid: BoolArray, rng: np.random.Generator) -> BoolArray:
         way[row - half : row + half + 1, max(column - half, 0) : column + half + 1] = True
         row += int(step[row, column])
     return way
-
-
-def _barn_walls() -> FloatArray:
-    """Return the 96 wall cylinders outside the grid, whose own side walls are 60 more.
-
-    Back wall y = 0.075, side walls x = -4.425 and -0.075 from there to the grid; shape (96, 2) [m].
-    """
-    across = -4.425 + BARN_CELL * np.arange(BARN_SIZE)
-    along = 0.075 + BARN_CELL * np.arange(1, 34)
-    back = np.stack([across, np.full(len(across), 0.075)], axis=1)
-    sides = [np.stack([np.full(len(along), x), along], axis=1) for x in (across[0], across[-1])]
-    return np.concatenate([back, *sides])
