@@ -46,7 +46,7 @@ class TaskConfig(FrozenModel):
     suite: str
     """Where the worlds come from: a generator's name, ``map`` or ``barn``."""
     map: str | None = None
-    """The ROS map to drive in (its .yaml file), for the suite ``map``."""
+    """The world to drive in, for the suite ``map``: a ROS map's .yaml, our YAML, or SDF."""
     worlds: str | None = None
     """The folder of the BARN dataset, for the suite ``barn``."""
     num_worlds: Annotated[int, Field(ge=1, le=65536)] = 1024

@@ -52,7 +52,7 @@ class TrainConfig(FrozenModel):
     """Seconds from the start of the command; whichever of the two comes first ends the run."""
     eval_every: Count = 1_000_000
     """Steps between two evaluations on held-out worlds."""
-    eval_episodes: Count = 256
+    eval_episodes: Count = 512
     checkpoint_every: Positive = 10.0
     """Seconds between two checkpoints."""
     threads: Annotated[int, Field(ge=0)] = 0
