@@ -36,6 +36,12 @@ def uniform(key, count, i):
 
 
 @compiled
+def draw_row(begin, w, number):
+    """Return a row of world w, chosen by a number from U[0, 1)."""
+    return begin[w] + int(number * (begin[w + 1] - begin[w]))
+
+
+@compiled
 def normal(key, count, i):
     """Draw the next number of environment i from N(0, 1) (Box and Muller)."""
     radius = np.sqrt(-2.0 * np.log(1.0 - uniform(key, count, i)))

@@ -11,7 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import kernels
 from pm01_nav.sim.random import stream_keys
-from pm01_nav.sim.state import SimState, TimeStep, base_params, lidar_params, new_state
+from pm01_nav.sim.state import (
+    PEDESTRIAN_MODELS,
+    CrowdParams,
+    PedestrianModel,
+    SimState,
+    TimeStep,
+    base_params,
+    lidar_params,
+    new_state,
+)
 from pm01_nav.worlds.pool import WorldPool
 
 FEW = 64
@@ -35,20 +44,26 @@ class PlanarSimulator:
         *,
         control_dt: float = 0.1,
         goal_distance: tuple[float, float] = (0.0, math.inf),
+        pedestrians: PedestrianModel = "orca",
+        pedestrians_avoid_robot: bool = True,
     ) -> None:
         """Allocate the batch; call ``seed`` and ``reset`` before the first ``step``.
 
         ``control_dt`` [s] is the time between commands, ``goal_distance`` [m] the least and the
-        greatest straight distance from a start to its goal.
+        greatest straight distance from a start to its goal. ``pedestrians`` is how they avoid each
+        other.
         """
         self.robot = robot
         self.pool = pool
         self.num_envs = num_envs
         self.control_dt = control_dt
-        self.state: SimState = new_state(num_envs, robot.lidar.num_beams)
+        most_movers = int(np.diff(pool.arrays.mover_begin).max(initial=0))
+        self.state: SimState = new_state(num_envs, robot.lidar.num_beams, most_movers)
         self._goal_distance = np.array(goal_distance, dtype=np.float64)
         self._base = base_params(robot)
         self._lidar = lidar_params(robot)
+        model = PEDESTRIAN_MODELS[pedestrians]
+        self._crowd = CrowdParams(model, pedestrians_avoid_robot, control_dt)
         fastest = max(robot.limits.linear_max, -robot.limits.linear_min)
         substeps = max(2, math.ceil(fastest * control_dt / MAX_TRAVEL - 1e-9))
         dt, lag = control_dt / substeps, robot.actuator.lag_s
@@ -80,8 +95,20 @@ class PlanarSimulator:
     def step(self, command: NDArray[np.float64]) -> None:
         """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step."""
         kernels.step_batch(
-            self.state, command, self._base, self._lidar, self.pool.arrays, self._time
+            self.state,
+            command,
+            self._base,
+            self._lidar,
+            self.pool.arrays,
+            self._time,
+            self._crowd,
         )
+
+    def movers(self, i: int) -> NDArray[np.float64]:
+        """Return x, y and radius of the movers of environment i, shape (n, 3) [m]."""
+        count = self.state.mover_count[i]
+        position, radius = self.state.mover_position[i, :count], self.state.mover_radius[i, :count]
+        return np.concatenate([position, radius[:, None]], axis=1)
 
     def place(self, indices: NDArray[np.int64], poses: ArrayLike, goals: ArrayLike) -> None:
         """Put robots at rest at ``poses`` (n, 3) with ``goals`` (n, 2) in their present worlds."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from pm01_nav.robot import RobotSpec
 
 FloatArray = NDArray[np.float64]
+PedestrianModel = Literal["orca", "social_force"]
+ORCA, SOCIAL_FORCE = 0, 1
+PEDESTRIAN_MODELS: dict[PedestrianModel, int] = {"orca": ORCA, "social_force": SOCIAL_FORCE}
 BLOCK = 8
 """Beams that one vector instruction handles; rows of ranges are padded to whole blocks."""
 
@@ -38,6 +41,20 @@ class SimState(NamedTuple):
     """Whether the footprint was stopped by an obstacle in this step, shape (num_envs,)."""
     world: NDArray[np.int64]
     """Index of the world in the pool, shape (num_envs,)."""
+    mover_position: FloatArray
+    """x, y of each mover's centre [m], shape (num_envs, most movers of a world, 2)."""
+    mover_velocity: FloatArray
+    """From its place a control step ago to this one [m/s], same shape; zeros in unused rows."""
+    mover_radius: FloatArray
+    """[m], shape (num_envs, most movers of a world)."""
+    mover_target: FloatArray
+    """Where a pedestrian walks [m], or a bouncing mover's direction, like ``mover_position``."""
+    mover_clock: FloatArray
+    """Time in a track's round, or until a pedestrian gives its target up [s], like the radius."""
+    mover_leg: NDArray[np.int64]
+    """Waypoint to which a pedestrian walks, like ``mover_radius``."""
+    mover_count: NDArray[np.int64]
+    """Movers in the present world, shape (num_envs,)."""
     rng_key: NDArray[np.uint64]
     """Which random stream belongs to the environment, shape (num_envs,)."""
     rng_count: NDArray[np.uint64]
@@ -49,8 +66,8 @@ def padded(num_beams: int) -> int:
     return -(-num_beams // BLOCK) * BLOCK
 
 
-def new_state(num_envs: int, num_beams: int) -> SimState:
-    """Return a state of zeros."""
+def new_state(num_envs: int, num_beams: int, num_movers: int = 0) -> SimState:
+    """Return a state of zeros, with room for ``num_movers`` in each environment."""
     return SimState(
         pose=np.zeros((num_envs, 3)),
         twist=np.zeros((num_envs, 2)),
@@ -62,6 +79,13 @@ def new_state(num_envs: int, num_beams: int) -> SimState:
         clearance=np.zeros(num_envs),
         contact=np.zeros(num_envs, dtype=np.bool_),
         world=np.zeros(num_envs, dtype=np.int64),
+        mover_position=np.zeros((num_envs, num_movers, 2)),
+        mover_velocity=np.zeros((num_envs, num_movers, 2)),
+        mover_radius=np.zeros((num_envs, num_movers)),
+        mover_target=np.zeros((num_envs, num_movers, 2)),
+        mover_clock=np.zeros((num_envs, num_movers)),
+        mover_leg=np.zeros((num_envs, num_movers), dtype=np.int64),
+        mover_count=np.zeros(num_envs, dtype=np.int64),
         rng_key=np.zeros(num_envs, dtype=np.uint64),
         rng_count=np.zeros(num_envs, dtype=np.uint64),
     )
@@ -110,6 +134,17 @@ class TimeStep(NamedTuple):
     """Integration steps in a control step."""
     lag_keep: float
     """exp(-dt / lag): what a first-order lag leaves of an error after one integration step."""
+
+
+class CrowdParams(NamedTuple):
+    """How movers are stepped."""
+
+    model: int
+    """How pedestrians avoid each other: ORCA or SOCIAL_FORCE."""
+    avoid_robot: bool
+    """Whether pedestrians avoid the robot, too."""
+    dt: float
+    """Time of a control step [s]."""
 
 
 def base_params(robot: RobotSpec) -> BaseParams:

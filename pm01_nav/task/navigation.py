@@ -73,6 +73,8 @@ class NavigationBatch:
             num_envs,
             control_dt=config.control_dt,
             goal_distance=config.goal_distance_limits(),
+            pedestrians=config.pedestrians,
+            pedestrians_avoid_robot=config.pedestrians_avoid_robot,
         )
         self._scale = np.array(self.layout.scale, dtype=np.float32)
         self._count = np.zeros(num_envs, dtype=np.int64)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.free_space import FreeSpace, distance_to_occupied, free_space
+from pm01_nav.worlds.mover_arrays import pack_movers
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -52,6 +53,20 @@ class WorldArrays(NamedTuple):
     """Half the side of the square around a start, and a goal, to draw from [m], (num_worlds, 2)."""
     cumulative_weight: FloatArray
     """Probability of drawing this world or an earlier one, shape (num_worlds,)."""
+    # The fields of ``MoverArrays``: parallel loops of numba take no tuple within a tuple.
+    mover_begin: IntArray
+    mover_kind: IntArray
+    mover_radius: FloatArray
+    mover_speed: FloatArray
+    mover_direction: FloatArray
+    mover_period: FloatArray
+    mover_jumps: NDArray[np.bool_]
+    mover_points: FloatArray
+    mover_point_begin: IntArray
+    mover_places: FloatArray
+    mover_place_begin: IntArray
+    bounds: FloatArray
+    mover_random_phase: bool
 
 
 class Places(NamedTuple):
@@ -169,8 +184,13 @@ def _region_at(space: FreeSpace, regions: NDArray[np.int32], x: float, y: float)
     return int(regions[rows[nearest], columns[nearest]])
 
 
-def build_pool(worlds: Sequence[World], radius: float, seed: int = 0) -> WorldPool:
+def build_pool(
+    worlds: Sequence[World], radius: float, seed: int = 0, *, random_phase: bool = True
+) -> WorldPool:
     """Pack worlds for a robot that needs a disc of ``radius`` [m] to pass.
+
+    With ``random_phase`` an episode finds movers on loops and splines at a random time of their
+    round, else at its beginning.
 
     Raises:
         InputError: a world has no start from which a goal can be reached.
@@ -180,13 +200,19 @@ def build_pool(worlds: Sequence[World], radius: float, seed: int = 0) -> WorldPo
         find_places(world, radius, np.random.default_rng([seed, index]), limit)
         for index, world in enumerate(worlds)
     ]
-    return WorldPool(tuple(worlds), _pack(worlds, places), radius)
+    return WorldPool(tuple(worlds), _pack(worlds, places, random_phase), radius)
 
 
 def generate_pool(
-    generator: Callable[[np.random.Generator], World], seeds: Iterable[int], radius: float
+    generator: Callable[[np.random.Generator], World],
+    seeds: Iterable[int],
+    radius: float,
+    *,
+    random_phase: bool = True,
 ) -> WorldPool:
     """Generate one world a seed and pack them; a draw that nobody can cross is drawn again.
+
+    ``random_phase`` is that of ``build_pool``.
 
     Raises:
         InputError: a seed gave no usable world in many attempts.
@@ -194,7 +220,8 @@ def generate_pool(
     seeds = list(seeds)
     drawn = [_generate(generator, seed, radius) for seed in seeds]
     worlds = [world for world, _ in drawn]
-    return WorldPool(tuple(worlds), _pack(worlds, [places for _, places in drawn]), radius)
+    arrays = _pack(worlds, [places for _, places in drawn], random_phase)
+    return WorldPool(tuple(worlds), arrays, radius)
 
 
 def _generate(
@@ -211,7 +238,7 @@ def _generate(
     raise InputError(f"world seed {seed}: nothing usable in {MAX_ATTEMPTS} draws: {problem}")
 
 
-def _pack(worlds: Sequence[World], places: Sequence[Places]) -> WorldArrays:
+def _pack(worlds: Sequence[World], places: Sequence[Places], random_phase: bool) -> WorldArrays:
     discs, disc_begin = _stack([world.discs for world in worlds])
     segments, segment_begin = _stack([world.all_segments for world in worlds])
     starts, start_begin = _stack([p.starts for p in places])
@@ -241,6 +268,7 @@ def _pack(worlds: Sequence[World], places: Sequence[Places]) -> WorldArrays:
         goal_begin=goal_begin,
         jitter=np.array([p.jitter for p in places]),
         cumulative_weight=np.arange(1, len(worlds) + 1) / len(worlds),
+        **pack_movers(worlds, random_phase=random_phase)._asdict(),
     )
 
 
