@@ -41,20 +41,26 @@ def compiled(
     *,
     parallel: bool = False,
     inline: bool = True,
+    allocates: bool | None = None,
 ) -> Any:
     """Compile a function on its first call.
 
     ``parallel`` spreads its ``prange`` over threads. ``inline=False`` keeps rarely needed code
     out of its callers, where it would cost registers (measured: a third of the time of a step).
+    ``allocates=False``, for a function that makes no arrays, leaves out the counting of references
+    to them: atomic operations that otherwise can cost more than the work. What it calls does so
+    too, unless it says ``allocates=True``.
     """
     if function is None:
-        return partial(compiled, parallel=parallel, inline=inline)
+        return partial(compiled, parallel=parallel, inline=inline, allocates=allocates)
     options = {
         "cache": True,
         "error_model": "numpy",
         "parallel": parallel,
         "forceinline": inline and not parallel,
     }
+    if allocates is not None:
+        options["_nrt"] = allocates
     # The setting is read here and now; other users of numba in this process keep theirs.
     with patched(numba_config, "CACHE_DIR", _kernel_cache()):
         return numba.njit(**options)(function)

@@ -21,7 +21,7 @@ PLACE_DRAWS = 64
 """Draws of another place for a pedestrian; then the one with most room is taken."""
 
 
-@compiled(inline=False)
+@compiled(inline=False, allocates=False)
 def place_start(state, i, base, worlds):
     """Start the movers and draw a place for the robot that they do not reach at once.
 
@@ -47,7 +47,7 @@ def place_start(state, i, base, worlds):
     return x, y
 
 
-@compiled
+@compiled(allocates=False)
 def draw_start(state, i, worlds):
     """Draw a start from those of the present world; return x, y [m]."""
     key, count, w = state.rng_key, state.rng_count, state.world[i]
@@ -57,7 +57,7 @@ def draw_start(state, i, worlds):
     return x, y
 
 
-@compiled(inline=False)
+@compiled(inline=False, allocates=False)
 def start_movers(state, i, worlds):
     """Put the movers of the present world where an episode finds them."""
     m = worlds.mover_begin[state.world[i]]
@@ -70,7 +70,8 @@ def start_movers(state, i, worlds):
         state.mover_radius[i, k] = worlds.mover_radius[m + k]
         state.mover_leg[i, k] = 0
         state.mover_clock[i, k] = 0.0
-        state.mover_target[i, k] = worlds.mover_direction[m + k]
+        state.mover_target[i, k, 0] = worlds.mover_direction[m + k, 0]
+        state.mover_target[i, k, 1] = worlds.mover_direction[m + k, 1]
         if worlds.mover_kind[m + k] == TRACK:
             if worlds.mover_random_phase:
                 # Uniform on the time of a round.
@@ -84,7 +85,7 @@ def start_movers(state, i, worlds):
         state.mover_velocity[i, k, 0], state.mover_velocity[i, k, 1] = vx, vy
 
 
-@compiled
+@compiled(allocates=False)
 def spare_room(state, i, x, y, radius, worlds):
     """Return how much further than needed the nearest mover is from a start [m]."""
     m = worlds.mover_begin[state.world[i]]
@@ -95,14 +96,14 @@ def spare_room(state, i, x, y, radius, worlds):
     return spare
 
 
-@compiled
+@compiled(allocates=False)
 def gap_to(state, i, k, x, y, radius):
     """Return the distance between mover k and a disc at (x, y) [m]."""
     dx, dy = state.mover_position[i, k, 0] - x, state.mover_position[i, k, 1] - y
     return np.sqrt(dx * dx + dy * dy) - state.mover_radius[i, k] - radius
 
 
-@compiled(inline=False)
+@compiled(inline=False, allocates=False)
 def make_way(state, i, x, y, radius, worlds):
     """Move the pedestrians that stand on the robot at (x, y) to other places with room."""
     m = worlds.mover_begin[state.world[i]]
@@ -126,7 +127,7 @@ def make_way(state, i, x, y, radius, worlds):
         state.mover_velocity[i, k, 0], state.mover_velocity[i, k, 1] = vx, vy
 
 
-@compiled
+@compiled(allocates=False)
 def room_for(state, i, k, place_x, place_y, x, y, radius):
     """Return the room that mover k has at a place, beside a robot at (x, y) and the others [m]."""
     r = state.mover_radius[i, k]

@@ -16,7 +16,7 @@ from pm01_nav.sim.pedestrians import walk
 from pm01_nav.worlds.mover_arrays import BOUNCE, TRACK
 
 
-@compiled(inline=False)
+@compiled(inline=False, allocates=False)
 def step_movers(state, i, base, worlds, crowd):
     """Move all movers of one environment for a control step.
 
@@ -42,7 +42,7 @@ def step_movers(state, i, base, worlds, crowd):
     return np.sqrt(fastest_squared)
 
 
-@compiled
+@compiled(allocates=False)
 def fly(state, i, k, length, dt, worlds):
     """Move a bouncing mover by ``length`` [m]; its velocity is that from its old to its new place.
 
@@ -57,7 +57,7 @@ def fly(state, i, k, length, dt, worlds):
     state.mover_target[i, k, 0], state.mover_target[i, k, 1] = ux, uy
 
 
-@compiled
+@compiled(allocates=False)
 def follow_track(state, i, k, m, dt, worlds):
     """Move mover k, row m of the pool, along its track; return whether it jumped."""
     x, y = state.mover_position[i, k, 0], state.mover_position[i, k, 1]
@@ -75,7 +75,7 @@ def follow_track(state, i, k, m, dt, worlds):
     return jumped
 
 
-@compiled
+@compiled(allocates=False)
 def on_track(worlds, m, clock):
     """Return where a track is at a time of its round [s], and its velocity: x, y, vx, vy."""
     first, period = worlds.mover_point_begin[m], worlds.mover_period[m]
@@ -91,7 +91,7 @@ def on_track(worlds, m, clock):
     return x + part * dx, y + part * dy, dx * pieces / period, dy * pieces / period
 
 
-@compiled(inline=False)
+@compiled(inline=False, allocates=False)
 def mover_clearance(x, y, cos, sin, base, state, i, ago):
     """Return the distance from the footprint to the nearest mover [m], 1e9 if there is none.
 
@@ -111,7 +111,7 @@ def mover_clearance(x, y, cos, sin, base, state, i, ago):
     return best
 
 
-@compiled(inline=False)
+@compiled(inline=False, allocates=False)
 def cast_movers(x, y, cos, sin, lidar, state, i, scan):
     """Shorten the beams of a scan (see ``cast_scan``) that meet a mover."""
     x, y = x + cos * lidar.x - sin * lidar.y, y + sin * lidar.x + cos * lidar.y

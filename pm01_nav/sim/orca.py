@@ -18,7 +18,7 @@ PARALLEL = 1e-9
 """Sine of the angle below which two borders never meet."""
 
 
-@compiled
+@compiled(allocates=False)
 def avoidance(px, py, vx, vy, reach, dt):
     """Return how a relative velocity leaves its velocity obstacle the shortest way.
 
@@ -48,21 +48,22 @@ def avoidance(px, py, vx, vy, reach, dt):
     return nx, ny, -(vx * nx + vy * ny)
 
 
-@compiled(inline=False)
-def choose_velocity(planes, num_fixed, count, wanted_x, wanted_y, speed_max, scratch):
+@compiled(allocates=False)
+def choose_velocity(planes, row, num_fixed, count, wanted_x, wanted_y, speed_max):
     """Return the permitted velocity that is nearest to the wanted one, at most ``speed_max``.
 
-    Of the ``count`` rows of ``planes`` (n, 3) the first ``num_fixed`` are never given up.
-    ``scratch`` has the same shape. The wanted velocity must not exceed ``speed_max`` [m/s].
+    Of the ``count`` half-planes in ``planes[row]`` (n, 3) the first ``num_fixed`` are never given
+    up; the last row of ``planes`` is overwritten. The wanted velocity must not exceed
+    ``speed_max`` [m/s].
     """
-    vx, vy, kept = nearest(planes, count, wanted_x, wanted_y, speed_max, False)
+    vx, vy, kept = nearest(planes, row, count, wanted_x, wanted_y, speed_max, False)
     if kept < count:
-        vx, vy = least_violation(planes, num_fixed, kept, count, vx, vy, speed_max, scratch)
+        vx, vy = least_violation(planes, row, num_fixed, kept, count, vx, vy, speed_max)
     return vx, vy
 
 
-@compiled
-def nearest(planes, count, wanted_x, wanted_y, speed_max, outward):
+@compiled(allocates=False)
+def nearest(planes, row, count, wanted_x, wanted_y, speed_max, outward):
     """Solve the linear program in two dimensions.
 
     Returns the velocity and how many planes it is sure to keep: less than ``count`` if the next one
@@ -71,9 +72,9 @@ def nearest(planes, count, wanted_x, wanted_y, speed_max, outward):
     """
     vx, vy = wanted_x, wanted_y
     for k in range(count):
-        nx, ny, least = planes[k, 0], planes[k, 1], planes[k, 2]
+        nx, ny, least = planes[row, k, 0], planes[row, k, 1], planes[row, k, 2]
         if nx * vx + ny * vy < least:
-            low, high = border(planes, k, speed_max)
+            low, high = border(planes, row, k, speed_max)
             if low > high:
                 return vx, vy, k
             along = ny * wanted_x - nx * wanted_y
@@ -84,22 +85,22 @@ def nearest(planes, count, wanted_x, wanted_y, speed_max, outward):
     return vx, vy, count
 
 
-@compiled
-def border(planes, k, speed_max):
+@compiled(allocates=False)
+def border(planes, row, k, speed_max):
     """Return the part of plane k's border that the speed limit and earlier planes leave.
 
     From low to high along (ny, -nx), from the point nearest to standing still [m/s]; low > high if
     nothing is left.
     """
-    nx, ny, least = planes[k, 0], planes[k, 1], planes[k, 2]
+    nx, ny, least = planes[row, k, 0], planes[row, k, 1], planes[row, k, 2]
     half_squared = speed_max * speed_max - least * least
     if half_squared < 0.0:
         return 1.0, 0.0
     high = np.sqrt(half_squared)
     low = -high
     for j in range(k):
-        slope = planes[j, 0] * ny - planes[j, 1] * nx
-        needed = planes[j, 2] - least * (planes[j, 0] * nx + planes[j, 1] * ny)
+        slope = planes[row, j, 0] * ny - planes[row, j, 1] * nx
+        needed = planes[row, j, 2] - least * (planes[row, j, 0] * nx + planes[row, j, 1] * ny)
         if abs(slope) <= PARALLEL:
             if needed > PARALLEL:
                 return 1.0, 0.0
@@ -110,28 +111,31 @@ def border(planes, k, speed_max):
     return low, high
 
 
-@compiled(inline=False)
-def least_violation(planes, num_fixed, begin, count, vx, vy, speed_max, scratch):
+@compiled(inline=False, allocates=False)
+def least_violation(planes, row, num_fixed, begin, count, vx, vy, speed_max):
     """Return the velocity whose worst violation of the planes after the fixed ones is least.
 
     (vx, vy) keeps the planes before ``begin``. Each violated plane in turn becomes the worst:
     among the velocities that violate none before it more, the least bad is taken.
     """
+    spare = planes.shape[0] - 1
     worst = 0.0
     for k in range(begin, count):
-        nx, ny, least = planes[k, 0], planes[k, 1], planes[k, 2]
+        nx, ny, least = planes[row, k, 0], planes[row, k, 1], planes[row, k, 2]
         if least - nx * vx - ny * vy <= worst:
             continue
         rows = min(num_fixed, k)
-        scratch[:rows] = planes[:rows]
+        for j in range(rows):
+            for c in range(3):
+                planes[spare, j, c] = planes[row, j, c]
         for j in range(num_fixed, k):
-            dx, dy = planes[j, 0] - nx, planes[j, 1] - ny
+            dx, dy = planes[row, j, 0] - nx, planes[row, j, 1] - ny
             length = np.sqrt(dx * dx + dy * dy)
             if length > PARALLEL:
-                scratch[rows, 0], scratch[rows, 1] = dx / length, dy / length
-                scratch[rows, 2] = (planes[j, 2] - least) / length
+                planes[spare, rows, 0], planes[spare, rows, 1] = dx / length, dy / length
+                planes[spare, rows, 2] = (planes[row, j, 2] - least) / length
                 rows += 1
-        x, y, kept = nearest(scratch, rows, nx * speed_max, ny * speed_max, speed_max, True)
+        x, y, kept = nearest(planes, spare, rows, nx * speed_max, ny * speed_max, speed_max, True)
         if kept == rows:  # Else by rounding alone; what was found before is as good.
             vx, vy = x, y
         worst = least - nx * vx - ny * vy

@@ -26,11 +26,16 @@ PATIENCE, PATIENCE_FACTOR = 5.0, 2.0
 """It gives a place up after so long [s] and so many times what the straight way takes."""
 NEIGHBOURS = 3.0
 """Whom a pedestrian looks at: all nearer than this, centre to centre [m]."""
+PARTING = 1.0 / HASTE
+"""What overlaps parts at the preferred speed at most, this part of the greatest."""
 WALL_HORIZON = 0.5
 """In this time a pedestrian closes a gap to what stands still at most [s]."""
+X, Y, VX, VY, RADIUS, FAST, WANT_X, WANT_Y, WALKS = range(9)
+"""Columns of a table of movers: place, velocity, radius, greatest speed, wanted velocity, and 1 for
+a pedestrian, 0 for others."""
 
 
-@compiled
+@compiled(inline=False, allocates=False)
 def begin_leg(state, i, k, worlds):
     """Send a pedestrian to its next waypoint, or to a place drawn from its world."""
     m = worlds.mover_begin[state.world[i]] + k
@@ -48,7 +53,7 @@ def begin_leg(state, i, k, worlds):
     state.mover_clock[i, k] = PATIENCE + PATIENCE_FACTOR * straight
 
 
-@compiled
+@compiled(allocates=False)
 def draw_place(state, i, worlds, x, y):
     """Draw a place in which pedestrians have room; without any, return (x, y)."""
     w = state.world[i]
@@ -59,7 +64,7 @@ def draw_place(state, i, worlds, x, y):
     return worlds.mover_places[row, 0], worlds.mover_places[row, 1]
 
 
-@compiled
+@compiled(allocates=False)
 def wanted_velocity(state, i, k, speed):
     """Return the velocity straight to where a pedestrian walks [m/s]."""
     dx = state.mover_target[i, k, 0] - state.mover_position[i, k, 0]
@@ -68,147 +73,153 @@ def wanted_velocity(state, i, k, speed):
     return dx * scale, dy * scale
 
 
-@compiled(inline=False)
+@compiled(inline=False, allocates=True)
 def walk(state, i, base, worlds, crowd):
     """Choose the velocities of all pedestrians at once, from where everyone is now."""
-    m, count = worlds.mover_begin[state.world[i]], state.mover_count[i]
-    wanted = np.empty((count, 2))
+    count = state.mover_count[i]
+    bodies = np.empty((count, 9))
     planes = np.empty((count + 1, 2 * count + MAX_WALLS, 3))
-    used = np.zeros((count, 2), dtype=np.int64)
+    used = np.empty((count, 2), dtype=np.int64)
+    walk_with(state, i, base, worlds, crowd, bodies, planes, used)
+
+
+@compiled(inline=False, allocates=False)
+def walk_with(state, i, base, worlds, crowd, bodies, planes, used):
+    """Choose the velocities; the last three arguments are tables to work with.
+
+    Passing the whole state on to a function that is not inlined would cost more than the function.
+    """
+    m, count = worlds.mover_begin[state.world[i]], state.mover_count[i]
     walking = False
     for k in range(count):
+        bodies[k, X], bodies[k, Y] = state.mover_position[i, k, 0], state.mover_position[i, k, 1]
+        bodies[k, VX], bodies[k, VY] = state.mover_velocity[i, k, 0], state.mover_velocity[i, k, 1]
+        bodies[k, RADIUS], bodies[k, WALKS] = state.mover_radius[i, k], 0.0
         if worlds.mover_kind[m + k] == PEDESTRIAN:
             walking = True
-            look_ahead(state, i, k, worlds, crowd, wanted[k])
-            look_around(state, i, k, base, worlds, crowd, wanted[k], planes[k], used[k])
+            look_ahead(state, i, k, worlds, crowd, bodies)
+            look_around(state, i, k, base, worlds, crowd, bodies, planes, used)
     if not walking:
         return
-    meet_others(state, i, worlds, crowd, wanted, planes, used)
+    meet_others(bodies, crowd, planes, used)
     for k in range(count):
-        if worlds.mover_kind[m + k] == PEDESTRIAN:
-            speed_max = HASTE * worlds.mover_speed[m + k]
-            wanted_x, wanted_y = at_most(wanted[k, 0], wanted[k, 1], speed_max)
-            vx, vy = choose_velocity(
-                planes[k], used[k, 0], used[k, 1], wanted_x, wanted_y, speed_max, planes[count]
-            )
+        if bodies[k, WALKS] > 0.0:
+            vx, vy = at_most(bodies[k, WANT_X], bodies[k, WANT_Y], bodies[k, FAST])
+            vx, vy = choose_velocity(planes, k, used[k, 0], used[k, 1], vx, vy, bodies[k, FAST])
             state.mover_velocity[i, k, 0], state.mover_velocity[i, k, 1] = vx, vy
 
 
-@compiled
-def look_ahead(state, i, k, worlds, crowd, wanted):
+@compiled(allocates=False)
+def look_ahead(state, i, k, worlds, crowd, bodies):
     """Write the velocity that a pedestrian would have if it were alone."""
-    m = worlds.mover_begin[state.world[i]] + k
+    speed = worlds.mover_speed[worlds.mover_begin[state.world[i]] + k]
     state.mover_clock[i, k] -= crowd.dt
-    dx = state.mover_target[i, k, 0] - state.mover_position[i, k, 0]
-    dy = state.mover_target[i, k, 1] - state.mover_position[i, k, 1]
+    dx = state.mover_target[i, k, 0] - bodies[k, X]
+    dy = state.mover_target[i, k, 1] - bodies[k, Y]
     if dx * dx + dy * dy < ARRIVED * ARRIVED or state.mover_clock[i, k] < 0.0:
         begin_leg(state, i, k, worlds)
-    vx, vy = wanted_velocity(state, i, k, worlds.mover_speed[m])
+    vx, vy = wanted_velocity(state, i, k, speed)
     if crowd.model != ORCA:
         # Forces change the velocity that it has.
         part = crowd.dt / RELAXATION
-        vx = state.mover_velocity[i, k, 0] + part * (vx - state.mover_velocity[i, k, 0])
-        vy = state.mover_velocity[i, k, 1] + part * (vy - state.mover_velocity[i, k, 1])
-    wanted[0], wanted[1] = vx, vy
+        vx = bodies[k, VX] + part * (vx - bodies[k, VX])
+        vy = bodies[k, VY] + part * (vy - bodies[k, VY])
+    bodies[k, WANT_X], bodies[k, WANT_Y] = vx, vy
+    bodies[k, FAST], bodies[k, WALKS] = HASTE * speed, 1.0
 
 
-@compiled
-def look_around(state, i, k, base, worlds, crowd, wanted, planes, used):
+@compiled(allocates=False)
+def push(bodies, k, ax, ay, dt):
+    """Let a pedestrian feel an acceleration [m/s^2] for a control step."""
+    bodies[k, WANT_X] += dt * ax
+    bodies[k, WANT_Y] += dt * ay
+
+
+@compiled(allocates=False)
+def look_around(state, i, k, base, worlds, crowd, bodies, planes, used):
     """Take account of what stands around a pedestrian, and of the robot."""
-    speed = worlds.mover_speed[worlds.mover_begin[state.world[i]] + k]
-    used[:] = find_walls(state, i, k, HASTE * speed * WALL_HORIZON, worlds, planes)
-    for j in range(used[0]):
+    x, y, fast = bodies[k, X], bodies[k, Y], bodies[k, FAST]
+    reach = bodies[k, RADIUS] + fast * WALL_HORIZON
+    walls = find_walls(x, y, bodies[k, RADIUS], reach, worlds, state.world[i], planes, k)
+    for j in range(walls):
         if crowd.model != ORCA:
-            push = crowd.dt * wall_repulsion(planes[j, 2])
-            wanted[0], wanted[1] = wanted[0] + push * planes[j, 0], wanted[1] + push * planes[j, 1]
-        planes[j, 2] = min(-planes[j, 2] / WALL_HORIZON, speed)
-    if not crowd.avoid_robot:
-        return
-    px = state.pose[i, 0] - state.mover_position[i, k, 0]
-    py = state.pose[i, 1] - state.mover_position[i, k, 1]
-    if px * px + py * py < NEIGHBOURS * NEIGHBOURS:
-        vx = state.mover_velocity[i, k, 0] - state.twist[i, 0] * state.heading[i, 0]
-        vy = state.mover_velocity[i, k, 1] - state.twist[i, 0] * state.heading[i, 1]
-        reach = state.mover_radius[i, k] + base.radius
+            away = wall_repulsion(planes[k, j, 2])
+            push(bodies, k, away * planes[k, j, 0], away * planes[k, j, 1], crowd.dt)
+        planes[k, j, 2] = min(-planes[k, j, 2] / WALL_HORIZON, PARTING * fast)
+    used[k, 0], used[k, 1] = walls, walls
+    px, py = state.pose[i, 0] - x, state.pose[i, 1] - y
+    if crowd.avoid_robot and px * px + py * py < NEIGHBOURS * NEIGHBOURS:
+        vx = bodies[k, VX] - state.twist[i, 0] * state.heading[i, 0]
+        vy = bodies[k, VY] - state.twist[i, 0] * state.heading[i, 1]
+        reach = bodies[k, RADIUS] + base.radius
         if crowd.model == ORCA:
             nx, ny, short = avoidance(px, py, vx, vy, reach, crowd.dt)
-            add_plane(planes, used, nx, ny, state.mover_velocity[i, k], short, HASTE * speed)
+            add_plane(bodies, planes, used, k, nx, ny, short)
         else:
             ax, ay = repulsion(px, py, vx, vy, reach)
-            wanted[0], wanted[1] = wanted[0] + crowd.dt * ax, wanted[1] + crowd.dt * ay
+            push(bodies, k, ax, ay, crowd.dt)
 
 
-@compiled(inline=False)
-def meet_others(state, i, worlds, crowd, wanted, planes, used):
+@compiled(allocates=False)
+def meet_others(bodies, crowd, planes, used):
     """Take account of every two movers that are near each other."""
-    position, velocity = state.mover_position[i], state.mover_velocity[i]
-    kinds = worlds.mover_kind[worlds.mover_begin[state.world[i]] :]
-    speeds = worlds.mover_speed[worlds.mover_begin[state.world[i]] :]
-    for k in range(state.mover_count[i]):
+    for k in range(bodies.shape[0]):
         for j in range(k):
-            px, py = position[j, 0] - position[k, 0], position[j, 1] - position[k, 1]
+            px, py = bodies[j, X] - bodies[k, X], bodies[j, Y] - bodies[k, Y]
             squared = px * px + py * py
-            if squared >= NEIGHBOURS * NEIGHBOURS:
+            walkers = bodies[j, WALKS] + bodies[k, WALKS]
+            if squared >= NEIGHBOURS * NEIGHBOURS or walkers == 0.0:
                 continue
-            j_walks, k_walks = kinds[j] == PEDESTRIAN, kinds[k] == PEDESTRIAN
-            vx, vy = velocity[k, 0] - velocity[j, 0], velocity[k, 1] - velocity[j, 1]
-            reach = state.mover_radius[i, j] + state.mover_radius[i, k]
-            if j_walks and k_walks:
-                close = reach + 2.0 * HASTE * max(speeds[j], speeds[k]) * crowd.dt
+            vx, vy = bodies[k, VX] - bodies[j, VX], bodies[k, VY] - bodies[j, VY]
+            reach = bodies[j, RADIUS] + bodies[k, RADIUS]
+            if walkers == 2.0:
+                close = reach + 2.0 * crowd.dt * max(bodies[j, FAST], bodies[k, FAST])
                 if squared < close * close:
-                    keep_apart(px, py, reach, speeds[j], crowd.dt, planes[j], used[j], 1.0)
-                    keep_apart(px, py, reach, speeds[k], crowd.dt, planes[k], used[k], -1.0)
+                    keep_apart(bodies, planes, used, j, px, py, reach, crowd.dt)
+                    keep_apart(bodies, planes, used, k, -px, -py, reach, crowd.dt)
             if crowd.model == ORCA:
-                # Two pedestrians share what they have to change, others change nothing.
-                part = 0.5 if j_walks and k_walks else 1.0
                 nx, ny, short = avoidance(px, py, vx, vy, reach, crowd.dt)
-                if k_walks:
-                    fast = HASTE * speeds[k]
-                    add_plane(planes[k], used[k], nx, ny, velocity[k], part * short, fast)
-                if j_walks:
-                    fast = HASTE * speeds[j]
-                    add_plane(planes[j], used[j], -nx, -ny, velocity[j], part * short, fast)
+                # Two pedestrians share what they have to change; others change nothing.
+                short /= walkers
+                if bodies[k, WALKS] > 0.0:
+                    add_plane(bodies, planes, used, k, nx, ny, short)
+                if bodies[j, WALKS] > 0.0:
+                    add_plane(bodies, planes, used, j, -nx, -ny, short)
             else:
                 ax, ay = repulsion(px, py, vx, vy, reach)
-                wanted[k, 0], wanted[k, 1] = (
-                    wanted[k, 0] + crowd.dt * ax,
-                    wanted[k, 1] + crowd.dt * ay,
-                )
-                wanted[j, 0], wanted[j, 1] = (
-                    wanted[j, 0] - crowd.dt * ax,
-                    wanted[j, 1] - crowd.dt * ay,
-                )
+                push(bodies, k, ax, ay, crowd.dt)
+                push(bodies, j, -ax, -ay, crowd.dt)
 
 
-@compiled
-def keep_apart(px, py, reach, speed, dt, planes, used, side):
-    """Let a pedestrian close half of the gap to another in this step, and no more.
+@compiled(allocates=False)
+def keep_apart(bodies, planes, used, k, px, py, reach, dt):
+    """Let pedestrian k close half of the gap to another in this step, and no more.
 
-    The other is in the direction ``-side`` x (px, py). What overlaps parts at the preferred speed
-    at most.
+    (px, py) leads from the other to it [m]. Two that overlap part at their preferred speed at most.
     """
     distance = max(np.sqrt(px * px + py * py), 1e-9)
-    planes[used[1]] = planes[used[0]]
-    row = used[0]
-    planes[row, 0], planes[row, 1] = side * px / distance, side * py / distance
-    planes[row, 2] = min((reach - distance) / (2.0 * dt), speed)
-    used[0] += 1
-    used[1] += 1
+    row, last = used[k, 0], used[k, 1]
+    for c in range(3):
+        planes[k, last, c] = planes[k, row, c]
+    planes[k, row, 0], planes[k, row, 1] = px / distance, py / distance
+    planes[k, row, 2] = min((reach - distance) / (2.0 * dt), PARTING * bodies[k, FAST])
+    used[k, 0], used[k, 1] = row + 1, last + 1
 
 
-@compiled
-def add_plane(planes, used, nx, ny, velocity, short, speed_max):
-    """Add the half-plane whose border lies ``short`` [m/s] along (nx, ny) from a velocity.
+@compiled(allocates=False)
+def add_plane(bodies, planes, used, k, nx, ny, short):
+    """Add the half-plane whose border lies ``short`` [m/s] along (nx, ny) from k's velocity.
 
-    One that no velocity up to ``speed_max`` can violate is left out.
+    One that no velocity of pedestrian k can violate is left out.
     """
-    least = nx * velocity[0] + ny * velocity[1] + short
-    if least > -speed_max:
-        planes[used[1], 0], planes[used[1], 1], planes[used[1], 2] = nx, ny, least
-        used[1] += 1
+    least = nx * bodies[k, VX] + ny * bodies[k, VY] + short
+    if least > -bodies[k, FAST]:
+        row = used[k, 1]
+        planes[k, row, 0], planes[k, row, 1], planes[k, row, 2] = nx, ny, least
+        used[k, 1] = row + 1
 
 
-@compiled
+@compiled(allocates=False)
 def at_most(vx, vy, speed_max):
     """Return a velocity, shortened to a speed if it is faster [m/s]."""
     squared = vx * vx + vy * vy

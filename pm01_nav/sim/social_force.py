@@ -30,7 +30,7 @@ NEGLIGIBLE = 6.0
 """Forces below exp(-6) of their strength count as none."""
 
 
-@compiled
+@compiled(allocates=False)
 def repulsion(px, py, vx, vy, reach):
     """Return the acceleration ax, ay [m/s^2] that another body causes.
 
@@ -56,7 +56,7 @@ def repulsion(px, py, vx, vy, reach):
     return -back * dx + aside * dy, -back * dy - aside * dx
 
 
-@compiled
+@compiled(allocates=False)
 def wall_repulsion(gap):
     """Return the acceleration away from a wall at the distance ``gap`` [m]."""
     if gap > NEGLIGIBLE * WALL_REACH:
