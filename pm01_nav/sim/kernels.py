@@ -12,6 +12,7 @@ from pm01_nav.sim.dynamics import arc, clip, next_speed, wrap
 from pm01_nav.sim.lidar import cast_scan, measure
 from pm01_nav.sim.mover_starts import place_start
 from pm01_nav.sim.movers import cast_movers, mover_clearance, step_movers
+from pm01_nav.sim.pedestrians import new_tables
 from pm01_nav.sim.random import draw_row, uniform
 
 GOAL_DRAWS = 256
@@ -22,7 +23,10 @@ GOAL_DRAWS = 256
 def step_batch(state, command, base, lidar, worlds, time, crowd):
     """Apply one command (num_envs, 2) [m/s, rad/s] to every environment for a control step."""
     for i in prange(state.pose.shape[0]):
-        drift = step_movers(state, i, base, worlds, crowd) if state.mover_count[i] > 0 else 0.0
+        drift = 0.0
+        if state.mover_count[i] > 0:
+            tables = new_tables(state.mover_position.shape[1])
+            drift = step_movers(state, i, base, worlds, crowd, tables)
         move(state, i, command, base, worlds, time, drift)
         observe(state, i, base, lidar, worlds)
 

@@ -17,15 +17,15 @@ from pm01_nav.worlds.mover_arrays import BOUNCE, TRACK
 
 
 @compiled(inline=False, allocates=False)
-def step_movers(state, i, base, worlds, crowd):
-    """Move all movers of one environment for a control step.
+def step_movers(state, i, base, worlds, crowd, tables):
+    """Move all movers of one environment for a control step; ``tables`` is room to work in.
 
     Returns the speed of the fastest [m/s], infinity if one jumped from its track's end to its
     beginning.
     """
     count = state.mover_count[i]
     m = worlds.mover_begin[state.world[i]]
-    walk(state, i, base, worlds, crowd)
+    walk(state, i, base, worlds, crowd, tables)
     fastest_squared = 0.0
     for k in range(count):
         kind = worlds.mover_kind[m + k]

@@ -33,19 +33,19 @@ def avoidance(px, py, vx, vy, reach, dt):
     wx, wy = vx - px * rate, vy - py * rate
     length_squared = wx * wx + wy * wy
     towards = wx * px + wy * py
-    if not apart or (
-        towards < 0.0 and towards * towards > reach * reach * length_squared
-    ):  # The round end of the obstacle is nearest.
-        length = np.sqrt(length_squared)
-        if length == 0.0:
-            return 1.0, 0.0, reach * rate
-        return wx / length, wy / length, reach * rate - length
-    # One of the two sides, which touch the other's grown disc: left if w lies left of p.
-    leg = np.sqrt(squared - reach * reach)
-    side = 1.0 if px * wy - py * wx > 0.0 else -1.0
-    nx = (-px * reach - side * py * leg) / squared
-    ny = (-py * reach + side * px * leg) / squared
-    return nx, ny, -(vx * nx + vy * ny)
+    # Both ways are worked out and one is chosen, so that a loop handles several at a time.
+    length = np.sqrt(length_squared)
+    scale = 1.0 / max(length, 1e-12)
+    # On one of the two sides, which touch the other's grown disc: left if w lies left of p.
+    leg = np.sqrt(max(squared - reach * reach, 0.0))
+    leg = leg if px * wy - py * wx > 0.0 else -leg
+    per_square = 1.0 / max(squared, 1e-24)
+    side_x, side_y = -(px * reach + py * leg) * per_square, (px * leg - py * reach) * per_square
+    # The round end is nearest.
+    end = (not apart) | ((towards < 0.0) & (towards * towards > reach * reach * length_squared))
+    nx, ny = (wx * scale if end else side_x), (wy * scale if end else side_y)
+    short = reach * rate - length if end else -(vx * side_x + vy * side_y)
+    return nx, ny, short
 
 
 @compiled(allocates=False)

@@ -30,6 +30,9 @@ def find_walls(x, y, r, far, worlds, w, walls, row):
     for j in range(worlds.segment_begin[w], worlds.segment_begin[w + 1]):
         x1, y1, x2, y2 = segment(worlds, j)
         ex, ey = x2 - x1, y2 - y1
+        cross = (x - x1) * ey - (y - y1) * ex
+        if cross * cross > far * far * (ex * ex + ey * ey):
+            continue  # The whole line is too far away.
         along = ((x - x1) * ex + (y - y1) * ey) / max(ex * ex + ey * ey, 1e-18)
         along = min(max(along, 0.0), 1.0)
         dx, dy = x - x1 - along * ex, y - y1 - along * ey
