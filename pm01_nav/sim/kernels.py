@@ -15,6 +15,8 @@ from pm01_nav.sim.movers import cast_movers, mover_clearance, step_movers
 from pm01_nav.sim.pedestrians import new_tables
 from pm01_nav.sim.random import draw_row, uniform
 
+CHUNK = 16
+"""Environments that a thread steps in one go."""
 GOAL_DRAWS = 256
 """Draws of a goal at an allowed distance; then the one that misses it least is taken."""
 
@@ -22,10 +24,19 @@ GOAL_DRAWS = 256
 @compiled(parallel=True)
 def step_batch(state, command, base, lidar, worlds, time, crowd):
     """Apply one command (num_envs, 2) [m/s, rad/s] to every environment for a control step."""
-    for i in prange(state.pose.shape[0]):
+    num_envs = state.pose.shape[0]
+    for chunk in prange((num_envs + CHUNK - 1) // CHUNK):
+        begin, end = chunk * CHUNK, min((chunk + 1) * CHUNK, num_envs)
+        tables = new_tables(state.mover_position.shape[1])
+        step_some(state, begin, end, command, base, lidar, worlds, time, crowd, tables)
+
+
+@compiled(inline=False, allocates=False)
+def step_some(state, begin, end, command, base, lidar, worlds, time, crowd, tables):
+    """Step the environments ``begin`` to ``end``; ``tables`` is room for their movers."""
+    for i in range(begin, end):
         drift = 0.0
         if state.mover_count[i] > 0:
-            tables = new_tables(state.mover_position.shape[1])
             drift = step_movers(state, i, base, worlds, crowd, tables)
         move(state, i, command, base, worlds, time, drift)
         observe(state, i, base, lidar, worlds)
