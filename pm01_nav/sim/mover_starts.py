@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where movers are when an episode begins, and a start of the robot's that is out of their reach."""
+"""Where movers are when an episode begins, and a start for the robot out of their reach."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pm01_nav.sim.pedestrians import begin_leg, draw_place, wanted_velocity
 from pm01_nav.sim.random import draw_row, uniform
 from pm01_nav.worlds.mover_arrays import PEDESTRIAN, TRACK
 
-START_DRAWS = 64
-"""Draws of a start out of the movers' reach; then the one that is furthest from it is taken."""
+MOVER_DRAWS, START_DRAWS = 4, 16
+"""Draws of the movers, and for each of a start out of their reach; then the best is taken."""
 START_GAP = 0.2
 """Movers keep at least this free beside the robot when it starts [m]."""
 START_TIME = 1.0
@@ -27,24 +27,25 @@ def place_start(state, i, base, worlds):
 
     Returns the place x, y [m]. Where every draw is within reach, pedestrians make way.
     """
-    best, chosen = -np.inf, state.rng_count[i]
-    for _ in range(START_DRAWS):
+    best, best_x, best_y = -np.inf, 0.0, 0.0
+    chosen = state.rng_count[i]
+    for _ in range(MOVER_DRAWS):
         before = state.rng_count[i]
         start_movers(state, i, worlds)
-        x, y = draw_start(state, i, worlds)
-        spare = spare_room(state, i, x, y, base.radius, worlds)
-        if spare > best:
-            best, chosen = spare, before
-        if spare >= 0.0:
-            return x, y
-    # The best draw once more, by its place in the random stream.
+        for _ in range(START_DRAWS):
+            x, y = draw_start(state, i, worlds)
+            spare = spare_room(state, i, x, y, base.radius, worlds)
+            if spare >= 0.0:
+                return x, y
+            if spare > best:
+                best, best_x, best_y, chosen = spare, x, y, before
+    # The movers of the best draw once more, by their place in the random stream.
     after = state.rng_count[i]
     state.rng_count[i] = chosen
     start_movers(state, i, worlds)
-    x, y = draw_start(state, i, worlds)
     state.rng_count[i] = after
-    make_way(state, i, x, y, base.radius, worlds)
-    return x, y
+    make_way(state, i, best_x, best_y, base.radius, worlds)
+    return best_x, best_y
 
 
 @compiled(allocates=False)

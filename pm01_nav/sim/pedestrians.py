@@ -232,23 +232,26 @@ def meet_others(num_movers, crowd, tables):
 def find_pairs(num_movers, tables):
     """Find the pairs of neighbours of which at least one walks; return how many.
 
-    Those that are not coming nearer matter at a short distance only. A row is always written and
+    Those that are not coming nearer matter at a short distance only. A pair is always written and
     only sometimes kept: a branch would be mispredicted too often.
     """
-    bodies, pairs = tables.bodies, tables.pairs
-    px, py, vx, vy = tables.px, tables.py, tables.vx, tables.vy
+    bodies, pairs, excess = tables.bodies, tables.pairs, tables.reach
     count = 0
     for k in range(num_movers):
-        for j in range(k):
+        for j in range(np.uint64(k)):
             dx, dy = bodies[X, j] - bodies[X, k], bodies[Y, j] - bodies[Y, k]
-            dvx, dvy = bodies[VX, k] - bodies[VX, j], bodies[VY, k] - bodies[VY, j]
+            vx, vy = bodies[VX, k] - bodies[VX, j], bodies[VY, k] - bodies[VY, j]
+            far = NEIGHBOURS if dx * vx + dy * vy > 0.0 else BYSTANDERS
+            walkers = bodies[WALKS, j] + bodies[WALKS, k]
+            excess[j] = dx * dx + dy * dy - far * far if walkers > 0.0 else 0.0
+        for j in range(k):
             pairs[count, 0], pairs[count, 1] = j, k
-            px[count], py[count], vx[count], vy[count] = dx, dy, dvx, dvy
-            far = NEIGHBOURS if dx * dvx + dy * dvy > 0.0 else BYSTANDERS
-            near = dx * dx + dy * dy < far * far
-            count += int(near & (bodies[WALKS, j] + bodies[WALKS, k] > 0.0))
+            count += int(excess[j] < 0.0)
     for n in range(count):
-        tables.reach[n] = bodies[RADIUS, pairs[n, 0]] + bodies[RADIUS, pairs[n, 1]]
+        j, k = pairs[n, 0], pairs[n, 1]
+        tables.px[n], tables.py[n] = bodies[X, j] - bodies[X, k], bodies[Y, j] - bodies[Y, k]
+        tables.vx[n], tables.vy[n] = bodies[VX, k] - bodies[VX, j], bodies[VY, k] - bodies[VY, j]
+        tables.reach[n] = bodies[RADIUS, j] + bodies[RADIUS, k]
     return count
 
 

@@ -68,7 +68,7 @@ def turn_of(cosine, sine):
 
 @compiled(allocates=False)
 def decay(x):
-    """Return exp(-x) for x >= 0, to 1e-6 of itself up to x = 10 and less exactly beyond.
+    """Return exp(-x) for x >= 0, to 1e-6 of itself up to x = 8 and less exactly beyond.
 
     exp(-x / 64) by its series, and six times squared; like ``turn_of``, for several at a time.
     """

@@ -31,8 +31,7 @@ PLACES_PER_WORLD = 256
 
 
 class MoverArrays(NamedTuple):
-    """The movers of a pool; world w owns rows ``mover_begin[w]`` to
-    ``mover_begin[w + 1]``."""
+    """The movers of a pool; world w owns rows ``mover_begin[w]`` to ``mover_begin[w + 1]``."""
 
     mover_begin: IntArray
     mover_kind: IntArray
