@@ -44,7 +44,11 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=1.0)
     options = parser.parse_args()
     results: dict[str, Any] = {"num_envs": options.num_envs, "unit": "environment steps/s"}
-    for count, model in ((0, "orca"), (options.pedestrians, "orca"), (options.pedestrians, "social_force")):
+    for count, model in (
+        (0, "orca"),
+        (options.pedestrians, "orca"),
+        (options.pedestrians, "social_force"),
+    ):
         pool = generate_pool(lambda rng, count=count: crowd(rng, count), range(64), radius=0.27)
         task = with_beams(options.beams).model_copy(update={"pedestrians": model})
         name = f"{options.beams}_beams_{count}_pedestrians_{model}"

@@ -13,10 +13,10 @@ DT = 0.1
 
 
 def test_side_of_a_velocity_obstacle_by_hand() -> None:
-    # The other stands 2 m ahead, both radii together are 1 m: the obstacle's sides rise and fall by
-    # 30 degrees, and its end is the disc around (1, 0), the way over 2 s, of radius 0.5. At (1.5, 0)
-    # the sides are 1.5 sin(30) = 0.75 away. Straight ahead both are as near; the right one is taken,
-    # whose outward normal points to -120 degrees.
+    # The other stands 2 m ahead, both radii together are 1 m: the obstacle's sides rise and fall
+    # by 30 degrees, and its end is the disc around (1, 0), the way over 2 s, of radius 0.5. At
+    # (1.5, 0) the sides are 1.5 sin(30) = 0.75 away. Straight ahead both are as near; the right
+    # one is taken, whose outward normal points to -120 degrees.
     nx, ny, short = avoidance(2.0, 0.0, 1.5, 0.0, 1.0, DT)
     assert (nx, ny, short) == pytest.approx((-0.5, -np.sqrt(0.75), 0.75))
     # A little to the left it is the left one.
@@ -74,7 +74,9 @@ def test_choice_equals_trying_everything(tightest: float) -> None:
             assert found == pytest.approx(expected, abs=1e-6)
         else:
             given_up += 1
-            assert (planes[:, 2] - planes[:, :2] @ found).max() == pytest.approx(violation, abs=1e-6)
+            assert (planes[:, 2] - planes[:, :2] @ found).max() == pytest.approx(
+                violation, abs=1e-6
+            )
     # With all limits at or below zero, standing still is allowed.
     assert (given_up > 20) == (tightest > 0.0)
 

@@ -141,7 +141,9 @@ BLOCKS = OccupancyGrid(CELLS, 0.25, (0.0, 0.0))
 
 
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("obstacles", [{}, {"discs": PILLARS, "grid": BLOCKS}], ids=["room", "more"])
+@pytest.mark.parametrize(
+    "obstacles", [{}, {"discs": PILLARS, "grid": BLOCKS}], ids=["room", "more"]
+)
 def test_twenty_in_a_room_never_touch(start, model: str, obstacles: dict) -> None:
     worlds = [crowd(np.random.default_rng(seed), 20, **obstacles) for seed in range(2)]
     sim = start(*worlds, num_envs=2, pedestrians=model)
@@ -191,7 +193,7 @@ def random_crowds(rng: np.random.Generator, half: float):
     ("model", "plan", "half", "tolerance"),
     [
         ("orca", plan_by_orca, 4.6, 1e-4),
-        # Far from walls, whose force the twin leaves out. The kernel's angles are exact to 2e-5 rad.
+        # Far from walls, whose force the twin leaves out. The kernel's angles have errors of 2e-5.
         ("social_force", plan_by_forces, 3.5, 1e-3),
     ],
 )

@@ -40,8 +40,8 @@ def test_loop_by_hand() -> None:
 
 def test_spline_by_hand() -> None:
     # Tangents: half of (1, 0), of (1, 2) and of (0, 2). In the middle of an interval the curve is
-    # (p + q) / 2 + (tangent of p - tangent of q) / 8:
-    # (0.5, 0) + ((0.5, 0) - (0.5, 1)) / 8 and (1, 1) + ((0.5, 1) - (0, 1)) / 8.
+    # the middle of both keys and an eighth of the tangents' difference, so (0.5, 0) plus an eighth
+    # of (0, -1), and (1, 1) plus an eighth of (0.5, 0).
     expected = [(0.0, 0.0), (0.5, -0.125), (1.0, 0.0), (1.0625, 1.0), (1.0, 2.0)]
     places = spline_position(CORNER, np.array([0.0, 0.5, 1.0, 2.0, 3.0]))
     assert places == pytest.approx(np.array(expected), abs=1e-12)
