@@ -86,6 +86,7 @@ def _picture(
         goal_radius=batch.config.goal_radius,
         scan=batch.simulator.scan[0],
         trail=np.array(trail),
+        movers=batch.simulator.movers(0),
         caption=f"{caption}   {(len(trail) - 1) * batch.config.control_dt:.1f} s",
         outcome=outcome,
     )

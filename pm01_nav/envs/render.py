@@ -61,6 +61,7 @@ class BatchRenderer:
             goal_radius=self._batch.config.goal_radius,
             scan=simulator.scan[i].copy(),
             trail=np.array(self._trail).reshape(-1, 2),
+            movers=simulator.movers(i),
             caption=f"{self._batch.config.name}   {distance:.1f} m to the goal",
         )
         return self._canvas.draw(scene)

@@ -39,6 +39,8 @@ OBSTACLE: Color = (158, 170, 187)
 OBSTACLE_EDGE: Color = (121, 135, 156)
 WALL: Color = (84, 97, 118)
 LIDAR: Color = (47, 128, 237)
+MOVER: Color = (64, 156, 173)
+MOVER_EDGE: Color = (38, 112, 127)
 ROBOT: Color = (242, 128, 38)
 GOAL: Color = (124, 92, 214)
 INK: Color = (58, 68, 86)
@@ -123,6 +125,8 @@ class Canvas:
         _draw_trail(brush, np.asarray(scene.trail, dtype=np.float64))
         if scene.scan is not None:
             _draw_scan(brush, self._robot, scene.pose, np.asarray(scene.scan, dtype=np.float64))
+        for x, y, radius in scene.movers:
+            brush.disc(np.array([x, y]), radius * brush.view.scale, MOVER, MOVER_EDGE, 1.5)
         _draw_robot(brush, self._robot, scene)
         frame = picture.reduce(SUPERSAMPLING)
         _write_caption(frame, scene, self._unit, self._font)

@@ -36,6 +36,8 @@ class Scene:
     """Lidar ranges by REP-117 [m], shape (num_beams,), beam 0 at angle_min; None draws none."""
     trail: NDArray[np.floating] = field(default_factory=lambda: np.zeros((0, 2)))
     """Where the robot has been, oldest first [m], shape (n, 2)."""
+    movers: NDArray[np.floating] = field(default_factory=lambda: np.zeros((0, 3)))
+    """x, y and radius of what else moves [m], shape (n, 3)."""
     caption: str = ""
     """One line below the world; cut where it does not fit."""
     outcome: Outcome | None = None

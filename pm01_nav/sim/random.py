@@ -42,6 +42,12 @@ def uniform(key, count, i):
     return float(bits(key, count, i) >> SHIFT_11) * UNIT
 
 
+@compiled
+def draw_row(begin, w, number):
+    """Return a row of world w, chosen by a number from U[0, 1)."""
+    return begin[w] + int(number * (begin[w + 1] - begin[w]))
+
+
 def normal_values() -> NDArray[np.float32]:
     """Return 65536 equally likely values of N(0, 1), shape (65536,).
 

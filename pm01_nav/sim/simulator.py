@@ -12,10 +12,13 @@ from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import kernels
 from pm01_nav.sim.random import stream_keys
 from pm01_nav.sim.state import (
+    PEDESTRIAN_MODELS,
+    CrowdParams,
+    Features,
+    PedestrianModel,
     SimState,
     Sizes,
     TimeStep,
-    TrailParams,
     base_params,
     lidar_params,
     new_scratch,
@@ -24,7 +27,7 @@ from pm01_nav.sim.state import (
 from pm01_nav.sim.threads import ThreadChoice
 from pm01_nav.worlds.pool import WorldPool
 
-NO_TRAIL = TrailParams()
+NO_FEATURES = Features()
 FEW = 64
 """Up to this many environments are reset by one thread."""
 MAX_TRAVEL = 0.05
@@ -46,25 +49,29 @@ class PlanarSimulator:
         *,
         control_dt: float = 0.1,
         goal_distance: tuple[float, float] = (0.0, math.inf),
-        sectors: int = 0,
-        trail: TrailParams = NO_TRAIL,
-        path_distances: bool = False,
+        features: Features = NO_FEATURES,
+        pedestrians: PedestrianModel = "orca",
+        pedestrians_avoid_robot: bool = True,
     ) -> None:
         """Allocate the batch; call ``seed`` and ``reset`` before the first ``step``.
 
         ``control_dt`` [s] is the time between commands, ``goal_distance`` [m] the least and the
-        greatest straight distance from a start to its goal. The nearest range is kept in each of
-        ``sectors`` equal parts of the scan, which must divide it; 0 makes every beam a part.
-        ``trail`` says how each robot's way so far is remembered. With ``path_distances`` the length
-        of the way to the goal is known; otherwise it is the straight distance.
+        greatest straight distance from a start to its goal. ``pedestrians`` is how they avoid each
+        other, and the robot too if ``pedestrians_avoid_robot``.
         """
         self.robot = robot
         self.pool = pool
         self.num_envs = num_envs
         self.control_dt = control_dt
-        beams = robot.lidar.num_beams
-        cells = int(np.diff(pool.arrays.way_begin).max()) if path_distances else 0
-        sizes = Sizes(beams, sectors or beams, cells, trail.capacity, trail.sectors)
+        arrays, beams, trail = pool.arrays, robot.lidar.num_beams, features.trail
+        sizes = Sizes(
+            beams=beams,
+            sectors=features.sectors or beams,
+            movers=int(np.diff(arrays.mover_begin).max(initial=0)),
+            path_cells=int(np.diff(arrays.way_begin).max()) if features.path_distances else 0,
+            trail_capacity=trail.capacity,
+            trail_sectors=trail.sectors,
+        )
         self.state: SimState = new_state(num_envs, sizes)
         self._scratch = new_scratch(num_envs, sizes)
         self._trail = trail
@@ -72,6 +79,8 @@ class PlanarSimulator:
         self._threads = ThreadChoice()
         self._base = base_params(robot)
         self._lidar = lidar_params(robot)
+        model = PEDESTRIAN_MODELS[pedestrians]
+        self._crowd = CrowdParams(model, pedestrians_avoid_robot, control_dt)
         fastest = max(robot.limits.linear_max, -robot.limits.linear_min)
         substeps = max(2, math.ceil(fastest * control_dt / MAX_TRAVEL - 1e-9))
         dt, lag = control_dt / substeps, robot.actuator.lag_s
@@ -123,8 +132,15 @@ class PlanarSimulator:
             self._lidar,
             self.pool.arrays,
             self._time,
+            self._crowd,
             self._trail,
         )
+
+    def movers(self, i: int) -> NDArray[np.float64]:
+        """Return x, y and radius of the movers of environment i, shape (n, 3) [m]."""
+        count = self.state.mover_count[i]
+        position, radius = self.state.mover_position[i, :count], self.state.mover_radius[i, :count]
+        return np.concatenate([position, radius[:, None]], axis=1)
 
     def place(self, indices: NDArray[np.int64], poses: ArrayLike, goals: ArrayLike) -> None:
         """Put robots at rest at ``poses`` (n, 3) with ``goals`` (n, 2) in their present worlds."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.random import normal_values
 
 FloatArray = NDArray[np.float64]
+PedestrianModel = Literal["orca", "social_force"]
+ORCA, SOCIAL_FORCE = 0, 1
+PEDESTRIAN_MODELS: dict[PedestrianModel, int] = {"orca": ORCA, "social_force": SOCIAL_FORCE}
 BLOCK = 8
 """Beams that one vector instruction handles; rows of ranges are padded to whole blocks."""
 
@@ -41,6 +44,20 @@ class SimState(NamedTuple):
     """Whether the footprint was stopped by an obstacle in this step, shape (num_envs,)."""
     world: NDArray[np.int64]
     """Index of the world in the pool, shape (num_envs,)."""
+    mover_position: FloatArray
+    """x, y of each mover's centre [m], shape (num_envs, most movers of a world, 2)."""
+    mover_velocity: FloatArray
+    """From its place a control step ago to this one [m/s], same shape; zeros in unused rows."""
+    mover_radius: FloatArray
+    """[m], shape (num_envs, most movers of a world)."""
+    mover_target: FloatArray
+    """Where a pedestrian walks [m], or a bouncing mover's direction, like ``mover_position``."""
+    mover_clock: FloatArray
+    """Time in a track's round, or until a pedestrian gives its target up [s], like the radius."""
+    mover_leg: NDArray[np.int64]
+    """Waypoint to which a pedestrian walks, like ``mover_radius``."""
+    mover_count: NDArray[np.int64]
+    """Movers in the present world, shape (num_envs,)."""
     path_field: NDArray[np.float32]
     """Way to the goal from each cell of the world's raster [m], (num_envs, most cells or 0)."""
     path_distance: FloatArray
@@ -69,6 +86,7 @@ class Sizes(NamedTuple):
 
     beams: int
     sectors: int
+    movers: int = 0
     path_cells: int = 0
     trail_capacity: int = 0
     trail_sectors: int = 0
@@ -88,6 +106,13 @@ def new_state(num_envs: int, sizes: Sizes) -> SimState:
         clearance=np.zeros(num_envs),
         contact=np.zeros(num_envs, dtype=np.bool_),
         world=np.zeros(num_envs, dtype=np.int64),
+        mover_position=np.zeros((num_envs, sizes.movers, 2)),
+        mover_velocity=np.zeros((num_envs, sizes.movers, 2)),
+        mover_radius=np.zeros((num_envs, sizes.movers)),
+        mover_target=np.zeros((num_envs, sizes.movers, 2)),
+        mover_clock=np.zeros((num_envs, sizes.movers)),
+        mover_leg=np.zeros((num_envs, sizes.movers), dtype=np.int64),
+        mover_count=np.zeros(num_envs, dtype=np.int64),
         path_field=np.zeros((num_envs, sizes.path_cells), dtype=np.float32),
         path_distance=np.zeros(num_envs),
         age=np.zeros(num_envs, dtype=np.int64),
@@ -123,6 +148,18 @@ class TrailParams(NamedTuple):
     capacity: int = 0
     reach: float = 1.0
     near: float = 1.0
+
+
+class Features(NamedTuple):
+    """What is computed in each step because a task asks for it."""
+
+    sectors: int = 0
+    """Equal parts of the scan, which must divide it, in each of which the nearest range is kept; 0
+    makes every beam a part."""
+    trail: TrailParams = TrailParams()
+    """How each robot's way so far is remembered."""
+    path_distances: bool = False
+    """Whether the length of the way to the goal is known; else it is the straight distance."""
 
 
 class BaseParams(NamedTuple):
@@ -170,6 +207,17 @@ class TimeStep(NamedTuple):
     """Integration steps in a control step."""
     lag_keep: float
     """exp(-dt / lag): what a first-order lag leaves of an error after one integration step."""
+
+
+class CrowdParams(NamedTuple):
+    """How movers are stepped."""
+
+    model: int
+    """How pedestrians avoid each other: ORCA or SOCIAL_FORCE."""
+    avoid_robot: bool
+    """Whether pedestrians avoid the robot, too."""
+    dt: float
+    """Time of a control step [s]."""
 
 
 def base_params(robot: RobotSpec) -> BaseParams:

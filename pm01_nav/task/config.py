@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from pm01_nav.config import FrozenModel, merge, validate
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, load_robot
+from pm01_nav.sim.state import PedestrianModel
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.observation import ObservationLayout, ScanGeometry
 from pm01_nav.task.rewards import REWARDS
@@ -70,6 +71,10 @@ class TaskConfig(FrozenModel):
     """A collision is a touch of the footprint, or a return nearer than collision_distance."""
     collision_distance: Positive = 0.2
     """[m], for ``collision: scan``."""
+    pedestrians: PedestrianModel = "orca"
+    """How pedestrians avoid each other."""
+    pedestrians_avoid_robot: bool = True
+    """Whether they avoid the robot, too."""
     margin: NonNegative = 0.1
     """Starts, goals and a way between them keep at least this free beside the footprint [m]."""
     observation: ObservationConfig = ObservationConfig()

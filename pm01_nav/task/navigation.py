@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.errors import InputError
 from pm01_nav.sim.simulator import PlanarSimulator
-from pm01_nav.sim.state import TrailParams
+from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
-from pm01_nav.task.observation import build_observation
+from pm01_nav.task.observation import ObservationLayout, build_observation
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.step import Step
 from pm01_nav.task.terminations import judge, out_of_time
-from pm01_nav.task.trail import TrailLayout
 from pm01_nav.worlds.pool import WorldPool
 
 ALL = slice(None)
@@ -56,9 +55,13 @@ class BatchStep:
     """Those that ended, if any."""
 
 
-def trail_params(layout: TrailLayout | None) -> TrailParams:
-    """Return what the simulator must know of a trail to keep it."""
-    return TrailParams() if layout is None else TrailParams(**asdict(layout))
+def _features(config: TaskConfig, layout: ObservationLayout) -> Features:
+    """Return what observations and rewards need from the simulator."""
+    return Features(
+        sectors=layout.sectors,
+        trail=TrailParams(**asdict(layout.trail)) if layout.trail else TrailParams(),
+        path_distances="path_progress" in config.rewards,
+    )
 
 
 class NavigationBatch:
@@ -82,9 +85,9 @@ class NavigationBatch:
             num_envs,
             control_dt=config.control_dt,
             goal_distance=config.goal_distance_limits(),
-            sectors=self.layout.sectors,
-            trail=trail_params(self.layout.trail),
-            path_distances="path_progress" in config.rewards,
+            features=_features(config, self.layout),
+            pedestrians=config.pedestrians,
+            pedestrians_avoid_robot=config.pedestrians_avoid_robot,
         )
         # Attributes of pydantic models are slow to read.
         self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.free_space import FreeSpace, distance_to_occupied, free_space
-from pm01_nav.worlds.world import World
+from pm01_nav.worlds.mover_arrays import pack_movers
+from pm01_nav.worlds.world import OccupancyGrid, World
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -60,6 +61,20 @@ class WorldArrays(NamedTuple):
     """Half the side of the square around a start, and a goal, to draw from [m], (num_worlds, 2)."""
     cumulative_weight: FloatArray
     """Probability of drawing this world or an earlier one, shape (num_worlds,)."""
+    # The fields of ``MoverArrays``: parallel loops of numba take no tuple within a tuple.
+    mover_begin: IntArray
+    mover_kind: IntArray
+    mover_radius: FloatArray
+    mover_speed: FloatArray
+    mover_direction: FloatArray
+    mover_period: FloatArray
+    mover_jumps: NDArray[np.bool_]
+    mover_points: FloatArray
+    mover_point_begin: IntArray
+    mover_places: FloatArray
+    mover_place_begin: IntArray
+    bounds: FloatArray
+    mover_random_phase: bool
 
 
 class Places(NamedTuple):
@@ -204,18 +219,23 @@ def _region_at(space: FreeSpace, regions: NDArray[np.int32], x: float, y: float)
     return 0 if cell is None else int(regions[cell])
 
 
-def build_pool(worlds: Sequence[World], radius: float, seed: int = 0) -> WorldPool:
+def build_pool(
+    worlds: Sequence[World], radius: float, seed: int = 0, *, random_phase: bool = True
+) -> WorldPool:
     """Pack worlds for a robot that needs a disc of ``radius`` [m] to pass.
+
+    With ``random_phase`` an episode finds movers on loops and splines at a random time of their
+    round, else at its beginning.
 
     Raises:
         InputError: a world has no start from which a goal can be reached.
     """
     limit = max(MAX_PLACES // max(len(worlds), 1), 64)
-    places = [
-        find_places(world, radius, np.random.default_rng([seed, index]), limit)
+    drawn = [
+        (world, find_places(world, radius, np.random.default_rng([seed, index]), limit))
         for index, world in enumerate(worlds)
     ]
-    return WorldPool(tuple(worlds), _pack(worlds, places), radius)
+    return pack_pool(drawn, radius, random_phase=random_phase)
 
 
 def generate_pool(
@@ -229,10 +249,16 @@ def generate_pool(
     return pack_pool([draw_world(generator, seed, radius) for seed in seeds], radius)
 
 
-def pack_pool(drawn: Sequence[tuple[World, Places]], radius: float) -> WorldPool:
-    """Pack worlds with places that were found for a disc of ``radius`` [m]."""
+def pack_pool(
+    drawn: Sequence[tuple[World, Places]], radius: float, *, random_phase: bool = True
+) -> WorldPool:
+    """Pack worlds with places that were found for a disc of ``radius`` [m].
+
+    ``random_phase`` is that of ``build_pool``.
+    """
     worlds = [world for world, _ in drawn]
-    return WorldPool(tuple(worlds), _pack(worlds, [places for _, places in drawn]), radius)
+    arrays = _pack(worlds, [places for _, places in drawn], random_phase)
+    return WorldPool(tuple(worlds), arrays, radius)
 
 
 def draw_world(
@@ -254,43 +280,56 @@ def draw_world(
     raise InputError(f"world seed {seed}: nothing usable in {MAX_ATTEMPTS} draws: {problem}")
 
 
-def _pack(worlds: Sequence[World], places: Sequence[Places]) -> WorldArrays:
+def _pack(worlds: Sequence[World], places: Sequence[Places], random_phase: bool) -> WorldArrays:
     discs, disc_begin = _stack([world.discs for world in worlds])
     segments, segment_begin = _stack([world.all_segments for world in worlds])
     starts, start_begin = _stack([p.starts for p in places])
     goals, goal_begin = _stack([p.goals for p in places])
-    grids = [world.grid for world in worlds]
-    empty = np.zeros((0,), dtype=np.uint8)
-    cells, grid_begin = _stack([g.occupied.ravel() if g else empty for g in grids])
-    distance, _ = _stack(
-        [distance_to_occupied(g).ravel() if g else empty.astype(np.float32) for g in grids]
-    )
-    frames = [
-        (*g.origin, g.resolution, *g.occupied.shape[::-1]) if g else (0.0,) * 5 for g in grids
-    ]
-    ways = [p.ways for p in places]
-    way_cells, way_begin = _stack([s.free.ravel().view(np.uint8) if s else empty for s in ways])
-    way_frames = [(*s.origin, s.resolution, *s.free.shape[::-1]) if s else (0.0,) * 5 for s in ways]
     return WorldArrays(
         discs=discs,
         disc_begin=disc_begin,
         segments=segments,
         segment_begin=segment_begin,
-        grid_cells=cells,
-        grid_distance=distance,
-        grid_begin=grid_begin,
-        grid_frame=np.array(frames, dtype=np.float64).reshape(len(worlds), 5),
+        **_pack_grids([world.grid for world in worlds]),
+        **_pack_ways([p.ways for p in places]),
         starts=starts,
         start_begin=start_begin,
         start_yaw=np.array([p.start_yaw for p in places]),
         goals=goals,
         goal_begin=goal_begin,
-        way_cells=way_cells,
-        way_begin=way_begin,
-        way_frame=np.array(way_frames, dtype=np.float64).reshape(len(worlds), 5),
         jitter=np.array([p.jitter for p in places]),
         cumulative_weight=np.arange(1, len(worlds) + 1) / len(worlds),
+        **pack_movers(worlds, random_phase=random_phase)._asdict(),
     )
+
+
+NO_CELLS = np.zeros(0, dtype=np.uint8)
+
+
+def _pack_grids(grids: Sequence[OccupancyGrid | None]) -> dict[str, NDArray]:
+    cells, begin = _stack([g.occupied.ravel() if g else NO_CELLS for g in grids])
+    distances = [distance_to_occupied(g).ravel() if g else NO_CELLS for g in grids]
+    return {
+        "grid_cells": cells,
+        "grid_distance": np.concatenate(distances).astype(np.float32),
+        "grid_begin": begin,
+        "grid_frame": _frames([(g.origin, g.resolution, g.occupied) if g else None for g in grids]),
+    }
+
+
+def _pack_ways(ways: Sequence[FreeSpace | None]) -> dict[str, NDArray]:
+    cells, begin = _stack([w.free.ravel().view(np.uint8) if w else NO_CELLS for w in ways])
+    return {
+        "way_cells": cells,
+        "way_begin": begin,
+        "way_frame": _frames([(w.origin, w.resolution, w.free) if w else None for w in ways]),
+    }
+
+
+def _frames(rasters: Sequence[tuple[tuple[float, float], float, NDArray] | None]) -> FloatArray:
+    """Return origin x, y, resolution, width and height of each raster, zeros for None."""
+    rows = [(*r[0], r[1], *r[2].shape[::-1]) if r else (0.0,) * 5 for r in rasters]
+    return np.array(rows, dtype=np.float64).reshape(len(rows), 5)
 
 
 def _stack(rows: Sequence[NDArray]) -> tuple[NDArray, IntArray]:

@@ -84,6 +84,15 @@ def test_obstacles_are_where_they_stand_and_y_is_up() -> None:
     assert pixel(picture, 8.2, 1.8) == canvas.FLOOR
 
 
+def test_movers_are_discs_where_they_are_now() -> None:
+    picture = draw(replace(SCENE, movers=np.array([[3.0, 3.0, 0.5], [6.0, 6.0, 0.25]])))
+    assert pixel(picture, 3.0, 3.0) == canvas.MOVER
+    assert pixel(picture, 6.0, 6.0) == canvas.MOVER
+    # Inside the edge of 1.5 px = 0.023 m, and outside.
+    assert pixel(picture, 3.0 + 0.45, 3.0) == canvas.MOVER
+    assert pixel(picture, 3.0 + 0.6, 3.3) == canvas.FLOOR
+
+
 def test_goal_is_a_target_of_its_radius() -> None:
     picture = draw()
     assert pixel(picture, 8.0, 3.0) == canvas.GOAL

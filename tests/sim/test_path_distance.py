@@ -10,16 +10,18 @@ from scipy.sparse.csgraph import dijkstra
 
 from pm01_nav.robot import load_robot
 from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.sim.state import Features
 from pm01_nav.worlds.free_space import shortest_path_length
 from pm01_nav.worlds.pool import WorldPool, build_pool, generate_pool
 from pm01_nav.worlds.suites import SUITES
 from pm01_nav.worlds.world import World
 
 RADIUS = 0.27
+WAYS = Features(path_distances=True)
 
 
 def simulator(pool: WorldPool, num_envs: int = 1) -> PlanarSimulator:
-    sim = PlanarSimulator(load_robot("pm01"), pool, num_envs, path_distances=True)
+    sim = PlanarSimulator(load_robot("pm01"), pool, num_envs, features=WAYS)
     sim.seed(np.arange(num_envs))
     sim.reset()
     return sim
@@ -127,7 +129,7 @@ def test_a_huge_world_has_no_raster() -> None:
     huge = World("huge", (0.0, 0.0, 60.0, 60.0))
     pool = build_pool([huge, wall_with_a_gap()], RADIUS)
     assert np.diff(pool.arrays.way_begin)[0] == 0
-    sim = PlanarSimulator(load_robot("pm01"), pool, 2, path_distances=True)
+    sim = PlanarSimulator(load_robot("pm01"), pool, 2, features=WAYS)
     sim.seed(np.arange(2))
     sim.reset(worlds=np.array([0, 1]))
     assert sim.state.path_distance[0] == sim.state.goal_polar[0, 0]

@@ -10,7 +10,7 @@ import pytest
 
 from pm01_nav.robot import load_robot
 from pm01_nav.sim.simulator import PlanarSimulator
-from pm01_nav.sim.state import TrailParams
+from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.trail import Trail, TrailLayout, visited_sectors
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
@@ -21,7 +21,8 @@ LAYOUT = TrailLayout(sectors=8, interval_steps=5, capacity=6, reach=3.0, near=0.
 @pytest.fixture
 def sim() -> PlanarSimulator:
     pool = build_pool([World("open", (-20.0, -20.0, 20.0, 20.0))], radius=0.27)
-    sim = PlanarSimulator(load_robot("pm01"), pool, 5, trail=TrailParams(**asdict(LAYOUT)))
+    features = Features(trail=TrailParams(**asdict(LAYOUT)))
+    sim = PlanarSimulator(load_robot("pm01"), pool, 5, features=features)
     sim.seed(np.arange(5))
     sim.reset()
     return sim

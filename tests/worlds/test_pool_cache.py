@@ -37,7 +37,7 @@ def never(*arguments: object) -> None:
 
 def assert_equal(one: WorldPool, other: WorldPool) -> None:
     for name, array in one.arrays._asdict().items():
-        twin = getattr(other.arrays, name)
+        array, twin = np.asarray(array), np.asarray(getattr(other.arrays, name))
         assert array.dtype == twin.dtype
         assert np.array_equal(array, twin, equal_nan=array.dtype.kind == "f"), name
     assert worlds_hash(one.worlds) == worlds_hash(other.worlds)
