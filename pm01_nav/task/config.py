@@ -12,7 +12,9 @@ from pydantic import Field, model_validator
 from pm01_nav.config import FrozenModel, merge, validate
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, load_robot
 from pm01_nav.task.action import ActionLimits
+from pm01_nav.sim.perturbation import Perturbation
 from pm01_nav.task.observation import ObservationLayout, ScanGeometry
+from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.trail import TrailLayout
 
@@ -74,12 +76,19 @@ class TaskConfig(FrozenModel):
     """Starts, goals and a way between them keep at least this free beside the footprint [m]."""
     observation: ObservationConfig = ObservationConfig()
     rewards: dict[str, RewardTerm]
+    randomization: RandomizationConfig | None = None
+    """How far robots and sensors may be from their description; None simulates them as described."""
 
     @model_validator(mode="after")
     def _is_consistent(self) -> TaskConfig:
         low, high = self.goal_distance
         if high is not None and high <= low:
             raise ValueError("goal_distance: the greatest must exceed the least")
+        if self.randomization and self.randomization.footprint_padding[1] > self.margin:
+            raise ValueError(
+                f"randomization.footprint_padding: must not exceed margin ({self.margin:g}), or "
+                "episodes start in contact"
+            )
         for name, term in self.rewards.items():
             if name not in REWARDS:
                 raise ValueError(f"rewards.{name}: unknown; allowed: {', '.join(sorted(REWARDS))}")
@@ -129,3 +138,8 @@ def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayou
         goal_distance_max=seen.goal_distance_max,
         normalize=seen.normalize,
     )
+
+
+def perturbation(config: TaskConfig, robot: RobotSpec) -> Perturbation | None:
+    """Return the ranges from which the simulator draws each episode's errors, if it does."""
+    return None if config.randomization is None else config.randomization.ranges(robot)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pm01_nav.errors import InputError
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.sim.state import TrailParams
-from pm01_nav.task.config import TaskConfig, observation_layout
+from pm01_nav.task.config import TaskConfig, observation_layout, perturbation
 from pm01_nav.task.observation import build_observation
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.step import Step
@@ -85,6 +85,7 @@ class NavigationBatch:
             sectors=self.layout.sectors,
             trail=trail_params(self.layout.trail),
             path_distances="path_progress" in config.rewards,
+            perturbation=perturbation(config, self.robot),
         )
         # Attributes of pydantic models are slow to read.
         self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
@@ -111,8 +112,8 @@ class NavigationBatch:
         observation = build_observation(
             self.layout,
             sim.state.nearest[indices],
-            sim.state.goal_polar[indices],
-            sim.state.twist[indices],
+            sim.measured_goal[indices],
+            sim.measured_twist[indices],
             self._action[indices],
             sim.state.visited[indices],
         )
@@ -131,7 +132,7 @@ class NavigationBatch:
             pose=state.pose,
             twist=state.twist,
             command=command,
-            scan=self.simulator.scan,
+            read_scan=self.simulator.true_scan,
             clearance=state.clearance,
             contact=state.contact,
             goal_distance=state.goal_polar[:, 0],
@@ -216,8 +217,7 @@ class NavigationBatch:
             array[...] = arrays[name].view(array.dtype)
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        arrays = dict(self.simulator.state._asdict())
-        return arrays | {
+        return self.simulator.arrays() | {
             "count": self._count,
             "action": self._action,
             "term_sums": self._term_sums,
