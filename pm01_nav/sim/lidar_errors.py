@@ -7,7 +7,7 @@ import numpy as np
 
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.lidar import read_scan
-from pm01_nav.sim.random import GOLDEN, SHIFT_11, UNIT, bits, mix
+from pm01_nav.sim.random import GOLDEN, ONE, SHIFT_11, UNIT, mix, uniform
 from pm01_nav.sim.state import LidarParams
 
 SEGMENT_NUMBERS, PATCH_NUMBERS, MOVER_NUMBERS = 1 << 40, 2 << 40, 3 << 40
@@ -67,25 +67,49 @@ def absorb(errors, drawn, ranges, i):
 
 @compiled
 def disturb(drawn, lidar, ranges, key, count, i):
-    """Add errors to each range up to range_max, and lose some.
+    """Add errors to each range up to range_max, then lose some of the returns."""
+    if drawn.lidar_noise_std[i] > 0.0 or drawn.lidar_noise_share[i] > 0.0:
+        blur(drawn, lidar, ranges, key, count, i)
+    if drawn.lidar_dropout[i] > 0.0:
+        drop(drawn, lidar, ranges, key, count, i)
 
-    Two draws of 64 random bits serve four beams, as in ``add_noise``.
+
+@compiled
+def blur(drawn, lidar, ranges, key, count, i):
+    """Add to each range up to range_max an additive and a proportional error.
+
+    One draw of 64 random bits serves four beams, as in ``add_noise``; it is worked out from a
+    counter at hand, so that the draws do not wait for each other.
     """
     longest, share = np.float32(lidar.range_max), np.float32(drawn.lidar_noise_share[i])
     variance = np.float32(drawn.lidar_noise_std[i]) ** 2
-    lost_below = np.uint64(round(drawn.lidar_dropout[i] * 65536.0))
-    for k in range(0, lidar.num_beams, 4):
-        word, other = bits(key, count, i), bits(key, count, i)
-        for j in range(min(4, lidar.num_beams - k)):
-            shift = np.uint64(16 * j)
-            exact = ranges[i, k + j]
-            # N(0, std^2 + (share x range)^2): the additive and the proportional error together.
+    own_key, begin = key[i], count[i]
+    words = np.uint64(ranges.shape[1] // 4)
+    for k in range(words):
+        word = mix(own_key + (begin + k + ONE) * GOLDEN)
+        for j in range(4):
+            exact = ranges[i, 4 * k + j]
+            # N(0, std^2 + (share x range)^2): the sum of two independent errors.
             std = np.sqrt(variance + (share * exact) * (share * exact))
-            value = exact + std * lidar.normal_values[(word >> shift) & np.uint64(0xFFFF)]
-            value = value if exact <= longest else exact
-            # Lost with probability ``lidar_dropout``, in steps of 1/65536.
-            lost = ((other >> shift) & np.uint64(0xFFFF)) < lost_below
-            ranges[i, k + j] = np.float32(np.inf) if lost else value
+            error = lidar.normal_values[(word >> np.uint64(16 * j)) & np.uint64(0xFFFF)]
+            ranges[i, 4 * k + j] = exact + std * error if exact <= longest else exact
+    count[i] = begin + words
+
+
+@compiled
+def drop(drawn, lidar, ranges, key, count, i):
+    """Lose each beam's return with probability ``lidar_dropout``, independently.
+
+    What is drawn is how many beams follow until the next one is lost.
+    """
+    per_log = 1.0 / np.log1p(-drawn.lidar_dropout[i])
+    k = -1.0
+    while True:
+        # Geometric: P(n beams are kept before the next loss) = p (1 - p)^n.
+        k += 1.0 + np.floor(np.log(1.0 - uniform(key, count, i)) * per_log)
+        if not k < lidar.num_beams:
+            break
+        ranges[i, int(k)] = np.inf
 
 
 @compiled
