@@ -154,7 +154,7 @@ def goal_source(
         int(w): inflate(pool.free_space(int(w)), pool.radius) for w in np.unique(state.world)
     }
     follower = PlanFollower([costmaps[int(w)] for w in state.world], state.goal, look_ahead)
-    return lambda: follower.goals_in_base(state.pose)
+    return lambda: follower.goals_in_base(batch.simulator.measured_pose)
 
 
 class Evaluator:

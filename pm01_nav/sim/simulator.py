@@ -58,7 +58,6 @@ class PlanarSimulator:
         sectors: int = 0,
         trail: TrailParams = NO_TRAIL,
         path_distances: bool = False,
-        perturbation: Perturbation | None = None,
     ) -> None:
         """Allocate the batch; call ``seed`` and ``reset`` before the first ``step``.
 
@@ -67,8 +66,6 @@ class PlanarSimulator:
         ``sectors`` equal parts of the scan, which must divide it; 0 makes every beam a part.
         ``trail`` says how each robot's way so far is remembered. With ``path_distances`` the length
         of the way to the goal is known; otherwise it is the straight distance.
-        ``perturbation`` holds the ranges from which each episode draws what is wrong with its
-        robot; None simulates the robot as it is described.
         """
         self.robot = robot
         self.pool = pool
@@ -82,24 +79,41 @@ class PlanarSimulator:
         self._trail = trail
         self._goal_distance = np.array(goal_distance, dtype=np.float64)
         self._threads = ThreadChoice()
-        fastest = max(robot.limits.linear_max, -robot.limits.linear_min)
-        self.errors: ErrorState | None = None
-        self.drawn: Perturbation | None = None
-        """What is wrong with each robot in its present episode; None as ``errors`` is."""
-        self._ranges = perturbation
-        if perturbation is not None:
-            self.errors = new_errors(num_envs, robot.lidar.num_beams)
-            self.drawn = new_perturbation(num_envs)
-            fastest *= fastest_factor(perturbation)
-        substeps = max(2, math.ceil(fastest * control_dt / MAX_TRAVEL - 1e-9))
-        dt, lag = control_dt / substeps, robot.actuator.lag_s
         self._scene = (base_params(robot), lidar_params(robot), pool.arrays)
-        self._time = TimeStep(dt, substeps, math.exp(-dt / lag) if lag > 0.0 else 0.0)
+        self._time = self._time_step(1.0)
+        self.errors: ErrorState | None = None
+        """What perturbed robots have beside ``state``; None if all are as described."""
+        self.drawn: Perturbation | None = None
+        """What is wrong with each robot in its present episode; None if nothing is."""
+        self._ranges: Perturbation | None = None
+
+    def _time_step(self, fastest_factor: float) -> TimeStep:
+        """Divide a control step for a robot that goes faster than described by a factor."""
+        limits, lag = self.robot.limits, self.robot.actuator.lag_s
+        fastest = fastest_factor * max(limits.linear_max, -limits.linear_min)
+        substeps = max(2, math.ceil(fastest * self.control_dt / MAX_TRAVEL - 1e-9))
+        dt = self.control_dt / substeps
+        return TimeStep(dt, substeps, math.exp(-dt / lag) if lag > 0.0 else 0.0)
+
+    def perturb(self, ranges: Perturbation) -> None:
+        """Let each episode draw what is wrong with its robot from ``ranges``, each of shape (2,).
+
+        It counts from the next ``reset`` on, which all environments need.
+        """
+        self.errors = new_errors(self.num_envs, self.robot.lidar.num_beams)
+        self.drawn = new_perturbation(self.num_envs)
+        self._ranges = ranges
+        self._time = self._time_step(fastest_factor(ranges))
 
     @property
     def scan(self) -> NDArray[np.float32]:
         """What the lidar says by REP-117 [m], shape (num_envs, num_beams), beam 0 at angle_min."""
         return self.state.scan
+
+    @property
+    def measured_pose(self) -> FloatArray:
+        """Where the robot believes to be by odometry, like ``SimState.pose``."""
+        return self.state.pose if self.errors is None else self.errors.odometry_pose
 
     @property
     def measured_goal(self) -> FloatArray:

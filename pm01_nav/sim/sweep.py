@@ -75,8 +75,10 @@ def place_slices(state, errors, drawn, i, x, y, yaw, lidar):
     The last ``scan_sweep`` of the control period goes by while the beams turn, and a part is taken
     in the middle of its time.
     """
-    share = drawn.scan_sweep[i]
+    share, num_beams = drawn.scan_sweep[i], lidar.num_beams
     slices = SLICES if share > 0.0 else 1
+    beams = whole_blocks((num_beams + slices - 1) // slices)
+    slices = (num_beams + beams - 1) // beams
     turn = wrap(state.pose[i, 2] - yaw)
     middle = yaw + 0.5 * turn
     dx, dy = state.pose[i, 0] - x, state.pose[i, 1] - y
@@ -85,18 +87,25 @@ def place_slices(state, errors, drawn, i, x, y, yaw, lidar):
     x, y = state.pose[i, 0], state.pose[i, 1]
     cos, sin = state.heading[i, 0], state.heading[i, 1]
     for s in range(slices):
-        ago = share * (1.0 - (s + 0.5) / slices)
+        ago = share * (1.0 - middle_of(s, beams, num_beams))
         px, py, c, n = arc(x, y, cos, sin, length, turn, -ago)
         errors.slice_pose[i, s, 0] = px + c * lidar.x - n * lidar.y
         errors.slice_pose[i, s, 1] = py + n * lidar.x + c * lidar.y
         errors.slice_pose[i, s, 2] = c * lidar.mount_cos - n * lidar.mount_sin
         errors.slice_pose[i, s, 3] = n * lidar.mount_cos + c * lidar.mount_sin
-    # From the middle part to the first one it is half of the sweep, to the last one less.
-    turn = 0.5 * share * abs(turn)
+    reference = middle_of(slices // 2, beams, num_beams)
+    early = reference - middle_of(0, beams, num_beams)
+    late = middle_of(slices - 1, beams, num_beams) - reference
+    turn = share * max(early, late) * abs(turn)
     arm = np.sqrt(lidar.x * lidar.x + lidar.y * lidar.y)
-    travel = 0.5 * share * abs(length) + turn * arm
-    beams = whole_blocks((lidar.num_beams + slices - 1) // slices)
+    travel = share * max(early, late) * abs(length) + turn * arm
     return Sweep(errors.slice_pose, beams, slices // 2, travel, turn)
+
+
+@compiled
+def middle_of(s, beams, num_beams):
+    """Return when in the sweep the middle of part s is measured, from 0 to 1."""
+    return 0.5 * (s * beams + min((s + 1) * beams, num_beams)) / num_beams
 
 
 @compiled

@@ -12,7 +12,6 @@ from pydantic import Field, model_validator
 from pm01_nav.config import FrozenModel, merge, validate
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, load_robot
 from pm01_nav.task.action import ActionLimits
-from pm01_nav.sim.perturbation import Perturbation
 from pm01_nav.task.observation import ObservationLayout, ScanGeometry
 from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.task.rewards import REWARDS
@@ -77,7 +76,7 @@ class TaskConfig(FrozenModel):
     observation: ObservationConfig = ObservationConfig()
     rewards: dict[str, RewardTerm]
     randomization: RandomizationConfig | None = None
-    """How far robots and sensors may be from their description; None simulates them as described."""
+    """How far robots and sensors may be from their description; None: not at all."""
 
     @model_validator(mode="after")
     def _is_consistent(self) -> TaskConfig:
@@ -138,8 +137,3 @@ def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayou
         goal_distance_max=seen.goal_distance_max,
         normalize=seen.normalize,
     )
-
-
-def perturbation(config: TaskConfig, robot: RobotSpec) -> Perturbation | None:
-    """Return the ranges from which the simulator draws each episode's errors, if it does."""
-    return None if config.randomization is None else config.randomization.ranges(robot)

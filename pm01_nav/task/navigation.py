@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pm01_nav.errors import InputError
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.sim.state import TrailParams
-from pm01_nav.task.config import TaskConfig, observation_layout, perturbation
+from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.observation import build_observation
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.step import Step
@@ -85,8 +85,9 @@ class NavigationBatch:
             sectors=self.layout.sectors,
             trail=trail_params(self.layout.trail),
             path_distances="path_progress" in config.rewards,
-            perturbation=perturbation(config, self.robot),
         )
+        if config.randomization is not None:
+            self.simulator.perturb(config.randomization.ranges(self.robot))
         # Attributes of pydantic models are slow to read.
         self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
         self._scale = np.array(self.layout.scale, dtype=np.float32)

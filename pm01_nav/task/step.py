@@ -52,7 +52,7 @@ class Step:
 
     @cached_property
     def scan(self) -> Any:
-        """Lidar ranges by REP-117 [m], shape (num_envs, num_beams); of a perturbed robot the true ones."""
+        """Lidar ranges by REP-117 [m], shape (num_envs, num_beams)."""
         return self.read_scan()
 
     @cached_property
