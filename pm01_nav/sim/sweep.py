@@ -27,6 +27,9 @@ from pm01_nav.sim.lidar import (
 from pm01_nav.sim.lidar_errors import SEGMENT_NUMBERS, absorb, is_dark, patch_number
 from pm01_nav.sim.perturbation import SLICES
 
+INSIDE = 1e-6
+"""So far behind its first point a cell that was hit is looked up [m]."""
+
 
 class Sweep(NamedTuple):
     """How a scan is cut into parts."""
@@ -208,6 +211,7 @@ def sweep_grid(errors, drawn, i, sweep, lidar, worlds, w, ranges):
         limit = min(float(ranges[i, k]), lidar.range_max)
         distance = ray_to_grid(x, y, ux, uy, limit, worlds, w)
         if distance <= limit:
-            number = patch_number(x + distance * ux, y + distance * uy, worlds, w)
+            inside = distance + INSIDE
+            number = patch_number(x + inside * ux, y + inside * uy, worlds, w)
             target = errors.dark_ranges if is_dark(errors, drawn, i, number) else ranges
             target[i, k] = min(target[i, k], np.float32(distance))
