@@ -54,8 +54,8 @@ def test_law_of_each_draw(drawn: list[Perturbation], name: str, episode: int) ->
     values = getattr(drawn[episode], name)
     assert low <= values.min()
     assert values.max() <= high
-    # U(low, high): mean (low + high) / 2, variance (high - low)^2 / 12. Of k whole numbers the
-    # variance is (k^2 - 1) / 12.
+    # U(low, high): mean (low + high) / 2, variance (high - low)^2 / 12. Whole numbers, k of
+    # them, have one of (k^2 - 1) / 12.
     variance = (high - low) ** 2 / 12
     if name in DELAYS:
         assert set(values) == set(range(low, high + 1))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -59,7 +60,7 @@ def pose_on_arc(pose, command, t: float) -> NDArray[np.float64]:
 
 def parts(num_beams: int) -> list[slice]:
     """Cut a scan into at most 8 parts of whole blocks of 8 beams."""
-    size = -(-(-(-num_beams // 8)) // 8) * 8
+    size = 8 * math.ceil(math.ceil(num_beams / 8) / 8)
     return [slice(b, min(b + size, num_beams)) for b in range(0, num_beams, size)]
 
 
@@ -70,7 +71,7 @@ def swept(world: World, robot: RobotSpec, pose, command, share: float, turned: f
     for part in parts(n):
         middle = 0.5 * (part.start + part.stop) / n
         there = pose_on_arc(pose, command, DT * (1.0 - share * (1.0 - middle)))
-        ranges[part] = reference_scan(world, robot, there + [0.0, 0.0, turned])[part]
+        ranges[part] = reference_scan(world, robot, there + np.array([0.0, 0.0, turned]))[part]
     return ranges
 
 
