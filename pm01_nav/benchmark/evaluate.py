@@ -134,8 +134,8 @@ class Recorder:
 
 
 def goal_in_base(batch: NavigationBatch) -> FloatArray:
-    """Return every goal as x forward, y left in base_link [m], shape (num_envs, 2)."""
-    distance, bearing = batch.simulator.state.goal_polar.T
+    """Return every goal as the robot has it: x forward, y left [m], shape (num_envs, 2)."""
+    distance, bearing = batch.simulator.measured_goal.T
     return np.stack([distance * np.cos(bearing), distance * np.sin(bearing)], axis=-1)
 
 
@@ -154,7 +154,7 @@ def goal_source(
         int(w): inflate(pool.free_space(int(w)), pool.radius) for w in np.unique(state.world)
     }
     follower = PlanFollower([costmaps[int(w)] for w in state.world], state.goal, look_ahead)
-    return lambda: follower.goals_in_base(state.pose)
+    return lambda: follower.goals_in_base(batch.simulator.measured_pose)
 
 
 class Evaluator:
@@ -219,7 +219,7 @@ def _drive(policy: Policy, batch: NavigationBatch, goals: Callable[[], FloatArra
     simulator = batch.simulator
     recorder = Recorder.begin(batch)
     while recorder.active.any():
-        command = policy.act(simulator.scan, goals(), simulator.state.twist)
+        command = policy.act(simulator.scan, goals(), simulator.measured_twist)
         recorder.record(batch, _checked(command, batch.num_envs))
     return recorder
 

@@ -30,13 +30,18 @@ def load_policy(name: str, robot: RobotSpec, control_dt: float) -> Policy:
 
 
 def trained_task(name: str) -> TaskConfig | None:
-    """Return the task that a run's folder or a policy file was trained on, if it is known."""
+    """Return the task that a run's folder or a policy file was trained on, if it is known.
+
+    Without its randomization: policies are measured on robots as described unless one asks.
+    """
     if name in PLANNERS:
         return None
     if Path(name).is_dir():
-        return _stored_task(Path(name))
+        return _stored_task(Path(name)).model_copy(update={"randomization": None})
     task = OnnxPolicy(_policy_file(name)).metadata.get("task")
-    return validate(TaskConfig, task, name, inside="task") if isinstance(task, dict) else None
+    if not isinstance(task, dict):
+        return None
+    return validate(TaskConfig, task | {"randomization": None}, name, inside="task")
 
 
 def _stored_task(folder: Path) -> TaskConfig:

@@ -64,7 +64,7 @@ def _film_episode(
     outcome: Outcome | None = None
     while outcome is None:
         yield _picture(batch, canvas, trail, caption, None)
-        command = policy.act(batch.simulator.scan, goals(), state.twist)
+        command = policy.act(batch.simulator.scan, goals(), batch.simulator.measured_twist)
         step = batch.advance(np.asarray(command, dtype=np.float64))
         trail.append(state.pose[0, :2].copy())
         outcome = _outcome(step, batch.config)

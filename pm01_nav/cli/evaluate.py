@@ -10,6 +10,7 @@ import click
 from pm01_nav.cli.options import (
     look_ahead_from_options,
     plan_options,
+    randomization_option,
     task_from_options,
     task_options,
 )
@@ -19,6 +20,7 @@ from pm01_nav.cli.options import (
 @click.argument("policy")
 @task_options
 @plan_options
+@randomization_option
 @click.option("--episodes", type=click.IntRange(1), default=1000, show_default=True)
 @click.option(
     "--seed",
@@ -44,6 +46,9 @@ def command(
 
     \b
       pm01 evaluate policy.onnx --task barn --worlds barn_data --episodes 250
+
+    Robots are as described, however the policy was trained; --randomization perturbs them. A range
+    with low = high in its file is a fixed perturbation.
 
     A policy alone gets stuck in dead ends. Where the map is known, a global plan leads it:
 

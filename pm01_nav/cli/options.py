@@ -50,6 +50,16 @@ def task_options(command: Command) -> Command:
     return command
 
 
+def randomization_option(command: Command) -> Command:
+    """Add the option that says how far robots and sensors are from their description."""
+    return click.option(
+        "--randomization",
+        metavar="off|on|FILE",
+        help="What is wrong with robots and sensors in each episode: nothing, a draw from default "
+        "ranges, or from those of a YAML file.  [default: off]",
+    )(command)
+
+
 def plan_options(command: Command) -> Command:
     """Add the options that lead a policy along a global plan."""
     look_ahead = click.option(
@@ -114,6 +124,7 @@ def task_from_options(
     robot: str | None,
     config_file: str | None,
     changes: tuple[str, ...],
+    randomization: str | None = None,
 ) -> TaskConfig:
     """Return the task that the options describe: name or ``base``, then file, then flags.
 
@@ -123,6 +134,7 @@ def task_from_options(
     from pm01_nav.config import merge, read_yaml, validate
     from pm01_nav.errors import InputError
     from pm01_nav.task.config import TaskConfig
+    from pm01_nav.task.randomization import load_randomization
     from pm01_nav.task.tasks import TASKS, task_config
 
     from_file = read_yaml(config_file) if config_file else {}
@@ -137,6 +149,9 @@ def task_from_options(
     for key, value in (("map", map_), ("worlds", worlds), ("robot", robot)):
         if value is not None:
             data[key] = value
+    if randomization is not None:
+        chosen = load_randomization(randomization)
+        data["randomization"] = None if chosen is None else chosen.model_dump()
     return validate(TaskConfig, data, config_file or "configuration", inside="task")
 
 

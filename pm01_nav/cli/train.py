@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pm01_nav.cli import STARTED_AT
-from pm01_nav.cli.options import parse_changes, task_from_options, task_options
+from pm01_nav.cli.options import (
+    parse_changes,
+    randomization_option,
+    task_from_options,
+    task_options,
+)
 
 if TYPE_CHECKING:
     from pm01_nav.train.config import RunConfig
@@ -18,6 +23,7 @@ DEFAULT_TIME_BUDGET = 60.0
 
 @click.command("train", short_help="Train a policy.")
 @task_options
+@randomization_option
 @click.option("--algo", metavar="NAME", help="The algorithm: ppo.")
 @click.option("--seed", type=int, metavar="N", help="Seed of everything random. [default: 0]")
 @click.option(
@@ -41,6 +47,7 @@ def command(**options: Any) -> None:
     \b
     Examples:
       pm01 train --task static --time-budget 60 --out runs/x
+      pm01 train --task static --randomization on --out runs/robust
       pm01 train --task barn_like --steps 20000000 --out runs/barn
       pm01 train --config my.yaml --set train.ppo.gamma=0.97 --out runs/y
       pm01 train --resume runs/x --time-budget 120

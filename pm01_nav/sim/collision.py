@@ -88,7 +88,7 @@ def clearance(x, y, cos, sin, base, worlds, w):
         best = polygon_clearance(x, y, cos, sin, base, worlds, w)
     if worlds.grid_begin[w + 1] > worlds.grid_begin[w]:
         best = min(best, grid_clearance(x, y, cos, sin, base, worlds, w))
-    return best
+    return best - base.padding
 
 
 @compiled
@@ -143,6 +143,13 @@ def segment(worlds, k):
 def to_base(dx, dy, cos, sin):
     """Turn a world vector into the frame with the heading (cos, sin)."""
     return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@compiled
+def polar(dx, dy, cos, sin):
+    """Return the length of a world vector, and its direction seen from the heading (cos, sin)."""
+    ahead, left = to_base(dx, dy, cos, sin)
+    return np.sqrt(dx * dx + dy * dy), np.arctan2(left, ahead)
 
 
 @compiled(inline=False)

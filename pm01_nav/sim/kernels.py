@@ -7,7 +7,7 @@ import numpy as np
 from numba import prange
 
 from pm01_nav.compilation import compiled
-from pm01_nav.sim.collision import clearance, to_base
+from pm01_nav.sim.collision import clearance, polar
 from pm01_nav.sim.dynamics import arc, clip, next_speed, wrap
 from pm01_nav.sim.lidar import add_noise, cast_scan, nearest_in_sectors, read_scan
 from pm01_nav.sim.mover_starts import place_start
@@ -115,23 +115,30 @@ def observe(state, i, base, lidar, worlds, trail):
     """Measure scan, clearance and goal of one environment at its pose."""
     x, y = state.pose[i, 0], state.pose[i, 1]
     cos, sin = state.heading[i, 0], state.heading[i, 1]
-    state.clearance[i] = clearance(x, y, cos, sin, base, worlds, state.world[i])
+    locate(state, i, base, worlds)
     cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], state.ranges, i)
     if state.mover_count[i] > 0:
-        near = mover_clearance(x, y, cos, sin, base, state, i, 0.0)
-        state.clearance[i] = min(state.clearance[i], near)
         cast_movers(x, y, cos, sin, lidar, state, i)
     if lidar.noise_std > 0.0:
         add_noise(lidar, state.ranges, state.rng_key, state.rng_count, i)
     read_scan(lidar, state.ranges, state.scan, i)
     nearest_in_sectors(state.scan, state.nearest, i)
-    dx, dy = state.goal[i, 0] - x, state.goal[i, 1] - y
-    ahead, left = to_base(dx, dy, cos, sin)
-    state.goal_polar[i, 0] = np.sqrt(dx * dx + dy * dy)
-    state.goal_polar[i, 1] = np.arctan2(left, ahead)
-    read_distance(state, i, worlds)
     if state.visited.shape[1] > 0:
-        follow_trail(state, i, trail)
+        follow_trail(state, i, trail, x, y, cos, sin)
+
+
+@compiled
+def locate(state, i, base, worlds):
+    """Measure clearance and goal of one environment at its pose."""
+    x, y = state.pose[i, 0], state.pose[i, 1]
+    cos, sin = state.heading[i, 0], state.heading[i, 1]
+    state.clearance[i] = clearance(x, y, cos, sin, base, worlds, state.world[i])
+    if state.mover_count[i] > 0:
+        near = mover_clearance(x, y, cos, sin, base, state, i, 0.0)
+        state.clearance[i] = min(state.clearance[i], near)
+    distance, bearing = polar(state.goal[i, 0] - x, state.goal[i, 1] - y, cos, sin)
+    state.goal_polar[i, 0], state.goal_polar[i, 1] = distance, bearing
+    read_distance(state, i, worlds)
 
 
 @compiled

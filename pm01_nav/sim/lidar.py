@@ -245,9 +245,20 @@ def read_scan(lidar, ranges, scan, i):
     """Say by REP-117 what the sensor reads: +inf beyond its range, -inf below it."""
     shortest, longest = np.float32(lidar.range_min), np.float32(lidar.range_max)
     for k in range(np.uint64(scan.shape[1])):
-        value = ranges[i, k]
-        value = np.float32(np.inf) if value > longest else value
-        scan[i, k] = np.float32(-np.inf) if value < shortest else value
+        # This sensor knows what is too close; of others a finite range below range_min is doubtful.
+        value = np.float32(-np.inf) if ranges[i, k] < shortest else ranges[i, k]
+        scan[i, k] = sanitized(value, shortest, longest)
+
+
+@compiled
+def sanitized(value, shortest, longest):
+    """Return what a raw range is worth; ``task.observation.discard_invalid`` is the same.
+
+    All values are float32 [m].
+    """
+    # Beyond the greatest range, or NaN, which no comparison holds for.
+    value = value if value <= longest else np.float32(np.inf)
+    return np.float32(np.inf) if (value < shortest) & (value > -np.inf) else value
 
 
 @compiled

@@ -4,17 +4,26 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim import kernels
+from pm01_nav.sim import kernels, perturbed_kernels
+from pm01_nav.sim.perturbation import (
+    ErrorState,
+    Perturbation,
+    fastest_factor,
+    new_errors,
+    new_perturbation,
+)
 from pm01_nav.sim.random import stream_keys
 from pm01_nav.sim.state import (
     PEDESTRIAN_MODELS,
     CrowdParams,
     Features,
+    FloatArray,
     PedestrianModel,
     SimState,
     Sizes,
@@ -77,19 +86,71 @@ class PlanarSimulator:
         self._trail = trail
         self._goal_distance = np.array(goal_distance, dtype=np.float64)
         self._threads = ThreadChoice()
-        self._base = base_params(robot)
-        self._lidar = lidar_params(robot)
         model = PEDESTRIAN_MODELS[pedestrians]
         self._crowd = CrowdParams(model, pedestrians_avoid_robot, control_dt)
-        fastest = max(robot.limits.linear_max, -robot.limits.linear_min)
-        substeps = max(2, math.ceil(fastest * control_dt / MAX_TRAVEL - 1e-9))
-        dt, lag = control_dt / substeps, robot.actuator.lag_s
-        self._time = TimeStep(dt, substeps, math.exp(-dt / lag) if lag > 0.0 else 0.0)
+        self._scene = (base_params(robot), lidar_params(robot), pool.arrays)
+        self._time = self._time_step(1.0)
+        self.errors: ErrorState | None = None
+        """What perturbed robots have beside ``state``; None if all are as described."""
+        self.drawn: Perturbation | None = None
+        """What is wrong with each robot in its present episode; None if nothing is."""
+        self._ranges: Perturbation | None = None
+
+    def _time_step(self, fastest_factor: float) -> TimeStep:
+        """Divide a control step for a robot that goes faster than described by a factor."""
+        limits, lag = self.robot.limits, self.robot.actuator.lag_s
+        fastest = fastest_factor * max(limits.linear_max, -limits.linear_min)
+        substeps = max(2, math.ceil(fastest * self.control_dt / MAX_TRAVEL - 1e-9))
+        dt = self.control_dt / substeps
+        return TimeStep(dt, substeps, math.exp(-dt / lag) if lag > 0.0 else 0.0)
+
+    def perturb(self, ranges: Perturbation) -> None:
+        """Let each episode draw what is wrong with its robot from ``ranges``, each of shape (2,).
+
+        It counts from the next ``reset`` on, which all environments need.
+        """
+        self.errors = new_errors(self.num_envs, self.robot.lidar.num_beams)
+        self.drawn = new_perturbation(self.num_envs)
+        self._ranges = ranges
+        self._time = self._time_step(fastest_factor(ranges))
 
     @property
     def scan(self) -> NDArray[np.float32]:
-        """Lidar ranges by REP-117 [m], shape (num_envs, num_beams), beam 0 at angle_min."""
+        """What the lidar says by REP-117 [m], shape (num_envs, num_beams), beam 0 at angle_min."""
         return self.state.scan
+
+    @property
+    def measured_pose(self) -> FloatArray:
+        """Where the robot believes to be by odometry, like ``SimState.pose``."""
+        return self.state.pose if self.errors is None else self.errors.odometry_pose
+
+    @property
+    def measured_goal(self) -> FloatArray:
+        """Distance and bearing of the goal by odometry [m, rad], shape (num_envs, 2)."""
+        return self.state.goal_polar if self.errors is None else self.errors.measured_goal
+
+    @property
+    def measured_twist(self) -> FloatArray:
+        """The robot's v and w by odometry [m/s, rad/s], shape (num_envs, 2)."""
+        return self.state.twist if self.errors is None else self.errors.measured_twist
+
+    def true_scan(self) -> NDArray[np.float32]:
+        """Return the scan of a lidar that has no errors but its description's noise, like ``scan``.
+
+        It is cast anew where the robots are perturbed.
+        """
+        if self.errors is None:
+            return self.state.scan
+        scan = np.empty_like(self.state.scan)
+        perturbed_kernels.true_scan(self.state, *self._scene, scan)
+        return scan
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return every array that makes up the state, by name; they are not copied."""
+        arrays = self.state._asdict()
+        if self.errors is None or self.drawn is None:
+            return arrays
+        return arrays | self.errors._asdict() | self.drawn._asdict()
 
     def limit_goal_distance(self, limits: tuple[float, float]) -> None:
         """Set the least and the greatest distance from a start to its goal [m] from now on."""
@@ -110,31 +171,22 @@ class PlanarSimulator:
         if indices is None:
             indices = np.arange(self.num_envs)
         self.state.world[indices] = -1 if worlds is None else worlds
-        reset = kernels.reset_few if len(indices) <= FEW else kernels.reset_many
-        reset(
-            self.state,
-            indices,
-            self._base,
-            self._lidar,
-            self.pool.arrays,
-            self._trail,
-            self._goal_distance,
-            self._scratch,
-        )
+        few = len(indices) <= FEW
+        rest = (*self._scene, self._trail, self._goal_distance, self._scratch)
+        if self.errors is None:
+            reset = kernels.reset_few if few else kernels.reset_many
+            reset(self.state, indices, *rest)
+        else:
+            reset = perturbed_kernels.reset_few if few else perturbed_kernels.reset_many
+            reset(self.state, self.errors, self.drawn, self._ranges, indices, *rest)
 
     def step(self, command: NDArray[np.float64]) -> None:
         """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step."""
-        self._threads(
-            kernels.step_batch,
-            self.state,
-            command,
-            self._base,
-            self._lidar,
-            self.pool.arrays,
-            self._time,
-            self._crowd,
-            self._trail,
-        )
+        rest = (command, *self._scene, self._time, self._crowd, self._trail)
+        if self.errors is None:
+            self._threads(kernels.step_batch, self.state, *rest)
+        else:
+            self._threads(perturbed_kernels.step_batch, self.state, self.errors, self.drawn, *rest)
 
     def movers(self, i: int) -> NDArray[np.float64]:
         """Return x, y and radius of the movers of environment i, shape (n, 3) [m]."""
@@ -150,12 +202,8 @@ class PlanarSimulator:
         self.state.goal[indices] = goals
         self.state.twist[indices] = 0.0
         self.state.contact[indices] = False
-        kernels.observe_batch(
-            self.state,
-            indices,
-            self._base,
-            self._lidar,
-            self.pool.arrays,
-            self._trail,
-            self._scratch,
-        )
+        rest = (indices, *self._scene, self._trail, self._scratch)
+        if self.errors is None:
+            kernels.observe_batch(self.state, *rest)
+        else:
+            perturbed_kernels.observe_batch(self.state, self.errors, self.drawn, *rest)

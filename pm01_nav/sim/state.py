@@ -176,6 +176,9 @@ class BaseParams(NamedTuple):
     """Corners of a polygonal footprint [m], shape (n, 2); no rows for a circle."""
     edges: FloatArray
     """Outward unit normal and offset of each side: nx*x + ny*y <= d inside, shape (n, 3)."""
+    wheel_separation: float
+    padding: float
+    """What the footprint is larger by, to every side [m]."""
 
 
 class LidarParams(NamedTuple):
@@ -237,6 +240,8 @@ def base_params(robot: RobotSpec) -> BaseParams:
         radius=robot.footprint.circumscribed_radius,
         vertices=vertices,
         edges=np.concatenate([normals, offsets[:, None]], axis=1),
+        wheel_separation=robot.wheels.separation,
+        padding=0.0,
     )
 
 

@@ -18,24 +18,25 @@ def begin_trail(state, i):
 
 
 @compiled
-def follow_trail(state, i, trail):
-    """Note the present place when it is time to, then look back at all noted places."""
+def follow_trail(state, i, trail, x, y, cos, sin):
+    """Note the present place when it is time to, then look back at all noted places.
+
+    ``x``, ``y``, ``cos``, ``sin`` are the robot's place and heading by odometry.
+    """
     if state.age[i] % trail.interval_steps == 0:
         slot = state.trail_length[i] % state.trail.shape[1]
-        state.trail[i, slot, 0], state.trail[i, slot, 1] = state.pose[i, 0], state.pose[i, 1]
+        state.trail[i, slot, 0], state.trail[i, slot, 1] = x, y
         state.trail_length[i] += 1
     state.age[i] += 1
-    look_back(state, i, trail)
+    look_back(state, i, trail, x, y, cos, sin)
 
 
 @compiled
-def look_back(state, i, trail):
+def look_back(state, i, trail, x, y, cos, sin):
     """Sum up how much of the trail lies in each sector around the robot, 0 to 1.
 
     ``task.trail.visited_sectors`` is the same for a policy on a robot and says what it means.
     """
-    x, y = state.pose[i, 0], state.pose[i, 1]
-    cos, sin = state.heading[i, 0], state.heading[i, 1]
     sectors = state.visited.shape[1]
     for s in range(sectors):
         state.visited[i, s] = 0.0

@@ -14,6 +14,7 @@ from pm01_nav.robot import NonNegative, Positive, RobotSpec, load_robot
 from pm01_nav.sim.state import PedestrianModel
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.observation import ObservationLayout, ScanGeometry
+from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.trail import TrailLayout
 
@@ -79,12 +80,19 @@ class TaskConfig(FrozenModel):
     """Starts, goals and a way between them keep at least this free beside the footprint [m]."""
     observation: ObservationConfig = ObservationConfig()
     rewards: dict[str, RewardTerm]
+    randomization: RandomizationConfig | None = None
+    """How far robots and sensors may be from their description; None: not at all."""
 
     @model_validator(mode="after")
     def _is_consistent(self) -> TaskConfig:
         low, high = self.goal_distance
         if high is not None and high <= low:
             raise ValueError("goal_distance: the greatest must exceed the least")
+        if self.randomization and self.randomization.footprint_padding[1] > self.margin:
+            raise ValueError(
+                f"randomization.footprint_padding: must not exceed margin ({self.margin:g}), or "
+                "episodes start in contact"
+            )
         for name, term in self.rewards.items():
             if name not in REWARDS:
                 raise ValueError(f"rewards.{name}: unknown; allowed: {', '.join(sorted(REWARDS))}")

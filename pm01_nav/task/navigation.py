@@ -89,6 +89,8 @@ class NavigationBatch:
             pedestrians=config.pedestrians,
             pedestrians_avoid_robot=config.pedestrians_avoid_robot,
         )
+        if config.randomization is not None:
+            self.simulator.perturb(config.randomization.ranges(self.robot))
         # Attributes of pydantic models are slow to read.
         self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
         self._scale = np.array(self.layout.scale, dtype=np.float32)
@@ -114,8 +116,8 @@ class NavigationBatch:
         observation = build_observation(
             self.layout,
             sim.state.nearest[indices],
-            sim.state.goal_polar[indices],
-            sim.state.twist[indices],
+            sim.measured_goal[indices],
+            sim.measured_twist[indices],
             self._action[indices],
             sim.state.visited[indices],
         )
@@ -134,7 +136,7 @@ class NavigationBatch:
             pose=state.pose,
             twist=state.twist,
             command=command,
-            scan=self.simulator.scan,
+            read_scan=self.simulator.true_scan,
             clearance=state.clearance,
             contact=state.contact,
             goal_distance=state.goal_polar[:, 0],
@@ -219,8 +221,7 @@ class NavigationBatch:
             array[...] = arrays[name].view(array.dtype)
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        arrays = dict(self.simulator.state._asdict())
-        return arrays | {
+        return self.simulator.arrays() | {
             "count": self._count,
             "action": self._action,
             "term_sums": self._term_sums,

@@ -156,12 +156,23 @@ class ObservationLayout:
 def discard_invalid(scan: Any, geometry: ScanGeometry) -> Any:
     """Replace ranges that say nothing by +inf, so that none hides a nearer return; same shape [m].
 
-    These are NaN (REP-117) and finite ranges below range_min (``LaserScan`` wants them discarded).
-    +inf (no return) and -inf (too close) stay. The simulator's scans need no such care.
+    THE SANITISER: every scan passes it before anything else looks at it, the simulator's (where it
+    is the kernel ``sim.lidar.sanitized``) as well as a robot's.
+
+    | raw range (REP-117 and ``sensor_msgs/LaserScan``) | means          | becomes |
+    |---------------------------------------------------|----------------|---------|
+    | +inf                                              | no return      | +inf    |
+    | above range_max                                   | to be discarded| +inf    |
+    | range_min to range_max, both included             | a return       | itself  |
+    | finite and below range_min                        | to be discarded| +inf    |
+    | -inf                                              | too close      | -inf    |
+    | NaN                                               | invalid        | +inf    |
+
+    Limits are compared in the precision of ``scan``: a driver's float32 range_min is valid.
     """
     xp = scan.__array_namespace__()
-    invalid = (scan != scan) | ((scan < geometry.range_min) & (scan > -xp.inf))
-    return xp.where(invalid, xp.inf, scan)
+    within = (scan >= geometry.range_min) & (scan <= geometry.range_max)
+    return xp.where(within | (scan == -xp.inf), scan, xp.inf)
 
 
 def pool_sectors(ranges: Any, sectors: int) -> Any:

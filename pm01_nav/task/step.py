@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened in one control step, for reward terms and end conditions to read."""
+"""What happened in one control step, for reward terms and end conditions to read.
+
+All of it is true, whatever the robot's sensors and odometry say.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +23,8 @@ class Step:
     """v, w in base_link [m/s, rad/s], shape (num_envs, 2)."""
     command: Any
     """Commanded v, w [m/s, rad/s], shape (num_envs, 2)."""
-    scan: Any
-    """Lidar ranges by REP-117 [m], shape (num_envs, num_beams)."""
+    read_scan: Any
+    """Function that returns ``scan``; it is cast only where it is asked for."""
     clearance: Any
     """From the footprint to the nearest obstacle [m], shape (num_envs,)."""
     contact: Any
@@ -46,6 +49,11 @@ class Step:
     """Whether the goal was reached, shape (num_envs,)."""
     collided: Any = None
     """Whether the episode ends in a collision, shape (num_envs,)."""
+
+    @cached_property
+    def scan(self) -> Any:
+        """Lidar ranges by REP-117 [m], shape (num_envs, num_beams)."""
+        return self.read_scan()
 
     @cached_property
     def nearest_return(self) -> Any:

@@ -23,7 +23,7 @@ from pm01_nav.errors import InputError
 from pm01_nav.policy.export import export_policy, greedy_policy, policy_metadata
 from pm01_nav.provenance import provenance
 from pm01_nav.sim.warm_up import warm_up
-from pm01_nav.task.config import observation_layout
+from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.curriculum import Curriculum, apply, make_curriculum
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.worlds import world_pool
@@ -241,7 +241,7 @@ def train(
     if not resume:
         folder.check_free(force=force)
     data = load_checkpoint(folder.last) if resume else None
-    compiled = _compile()
+    compiled = _compile(config.task)
     batch, curriculum = _environments(config)
     # Only now that nothing can be wrong any more a former run may be replaced.
     if resume:
@@ -337,10 +337,10 @@ def export_best(folder: RunFolder, config: RunConfig, path: Any = None) -> None:
     export_policy(policy, layout, metadata, path or folder.policy)
 
 
-def _compile() -> float:
+def _compile(task: TaskConfig) -> float:
     """Compile what is not compiled yet; return how long it took [s], 0 if it was there."""
     began = time.perf_counter()
-    warm_up()
+    warm_up(task.randomization and task.randomization.ranges(task.robot_spec()))
     seconds = time.perf_counter() - began
     return seconds if seconds > COMPILED_WITHIN_S else 0.0
 

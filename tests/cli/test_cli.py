@@ -106,6 +106,14 @@ WRONG = {
         ["evaluate", "goal_seeking", "--task", "static", "--look-ahead", "2"],
         "look-ahead = 2: needs --global-plan",
     ),
+    "unknown randomization": (
+        ["train", "--task", "static", "--out", "x", "--randomization", "some"],
+        "randomization = 'some': unknown; allowed: off, on, or the path of a .yaml file",
+    ),
+    "missing ranges": (
+        ["evaluate", "goal_seeking", "--task", "static", "--randomization", "no.yaml"],
+        r"no\.yaml: cannot be read",
+    ),
     "film of unknown kind": (
         ["replay", "goal_seeking", "--task", "static", "-o", "x.avi"],
         r"\.avi.*\.mp4",

@@ -8,11 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from pm01_nav.envs.spaces import observation_space
 from pm01_nav.errors import InputError
+from pm01_nav.sim.lidar import sanitized
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.config import observation_layout
+from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.observation import (
     ObservationLayout,
     ScanGeometry,
@@ -20,7 +25,9 @@ from pm01_nav.task.observation import (
     discard_invalid,
     pool_sectors,
 )
+from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.task.tasks import TASKS, task_config
+from pm01_nav.task.worlds import world_pool
 
 INF, NAN = np.inf, np.nan
 GEOMETRY = ScanGeometry(
@@ -102,12 +109,48 @@ def test_leading_dimensions() -> None:
 
 
 def test_invalid_ranges_say_nothing() -> None:
-    # REP-117: NaN is invalid. LaserScan: finite ranges below range_min are to be discarded.
-    scan = np.array([NAN, 0.05, 0.0, -INF, INF, 0.2], dtype=np.float32)
-    assert discard_invalid(scan, GEOMETRY).tolist() == pytest.approx(
-        [INF, INF, INF, -INF, INF, 0.2]
-    )
+    # REP-117: NaN is invalid. LaserScan: finite ranges outside [range_min, range_max] are to be
+    # discarded; the limits themselves are valid.
+    scan = np.array([NAN, 0.05, 0.0, -2.0, -INF, INF, 0.2, 3.51, 0.1, 3.5], dtype=np.float32)
+    expected = [INF, INF, INF, INF, -INF, INF, 0.2, INF, 0.1, 3.5]
+    assert discard_invalid(scan, GEOMETRY).tolist() == pytest.approx(expected)
     assert scan[1] == np.float32(0.05)  # The argument is left as it was.
+
+
+@given(
+    scan=arrays(np.float32, 6, elements=st.floats(width=32)),
+    limits=st.tuples(st.floats(0.0, 2.0, width=32), st.floats(2.5, 50.0, width=32)),
+)
+def test_simulator_and_policy_sanitise_alike(scan, limits) -> None:
+    geometry = replace(GEOMETRY, range_min=limits[0], range_max=limits[1])
+    shortest, longest = np.float32(limits[0]), np.float32(limits[1])
+    kernel = np.array([sanitized(value, shortest, longest) for value in scan], dtype=np.float32)
+    # NaN never comes out, so that the bits can be compared.
+    assert discard_invalid(scan, geometry).tobytes() == kernel.tobytes()
+
+
+@pytest.mark.parametrize("value", [0.12, 3.5, 0.1, 5.0, 30.0])
+def test_simulator_and_policy_sanitise_alike_at_the_limits(value: float) -> None:
+    at = np.float32(value)
+    scan = np.array([np.nextafter(at, -INF), at, np.nextafter(at, INF)] * 2, dtype=np.float32)
+    for low, high in ((value, 2 * value), (0.5 * value, value)):
+        geometry = replace(GEOMETRY, range_min=low, range_max=high)
+        kernel = [sanitized(v, np.float32(low), np.float32(high)) for v in scan]
+        assert discard_invalid(scan, geometry).tolist() == kernel
+
+
+def test_simulated_scans_are_clean() -> None:
+    # However much its lidar lies, a simulated scan holds nothing that a policy would discard.
+    lies = RandomizationConfig(lidar_noise_std=(1.0, 1.0), lidar_dropout=(0.2, 0.2))
+    config = task_config("static").model_copy(update={"randomization": lies})
+    batch = NavigationBatch(config, world_pool(config, "train", 2), 20)
+    batch.reset(np.arange(20))
+    scan = batch.simulator.scan
+    assert (discard_invalid(scan, batch.layout.scan) == scan).all()
+    # It has returns, beams without, and some that are too close.
+    assert np.isfinite(scan).any()
+    assert (scan == INF).any()
+    assert (scan == -INF).any()
 
 
 def test_an_invalid_range_hides_no_nearer_return() -> None:

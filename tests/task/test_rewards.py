@@ -19,7 +19,7 @@ from pm01_nav.task.worlds import world_pool
 def step(**values: Any) -> Step:
     """Return a step in which nothing happens but ``values``, each given as a list of rows."""
     fields: dict[str, Any] = dict.fromkeys(
-        ("pose", "twist", "command", "scan", "clearance", "contact", "count"), None
+        ("pose", "twist", "command", "read_scan", "clearance", "contact", "count"), None
     )
     fields |= {"goal_distance": [1.0], "goal_bearing": [0.0], "previous_goal_distance": [1.0]}
     fields |= {"path_distance": [1.5], "previous_path_distance": [1.5]}

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is wrong with each robot: the law of each draw, and that episodes leave no trace."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pm01_nav.robot import full_circle
+from pm01_nav.sim.perturbation import Perturbation
+from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.task.randomization import default_randomization
+from pm01_nav.worlds.pool import build_pool
+from pm01_nav.worlds.world import World
+
+N = 10_000
+OPEN = World("open", (-5.0, -5.0, 5.0, 5.0))
+DELAYS = {"command_delay": (0, 3), "scan_delay": (0, 1)}
+RANGES = default_randomization().model_copy(update=DELAYS)
+QUANTITIES = list(Perturbation._fields)
+
+
+def fleet(make_robot, count: int) -> PlanarSimulator:
+    """Return robots with one beam, which have drawn their first errors."""
+    robot = make_robot(lidar=full_circle(1))
+    simulator = PlanarSimulator(robot, build_pool([OPEN], radius=0.01), count)
+    simulator.perturb(RANGES.ranges(robot))
+    simulator.seed(np.arange(count))
+    simulator.reset()
+    return simulator
+
+
+@pytest.fixture(scope="module")
+def drawn(request) -> list[Perturbation]:
+    """Return what 10 000 robots drew in their first and in their 30th episode."""
+    from pm01_nav.config import merge, validate
+    from pm01_nav.robot import RobotSpec, load_robot
+
+    def make_robot(**changes):
+        return validate(RobotSpec, merge(load_robot("pm01").model_dump(), changes), "test")
+
+    simulator = fleet(make_robot, N)
+    assert simulator.drawn is not None
+    first = Perturbation(*(values.copy() for values in simulator.drawn))
+    for _ in range(29):
+        simulator.reset()
+    return [first, simulator.drawn]
+
+
+@pytest.mark.parametrize("episode", [0, 1])
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_law_of_each_draw(drawn: list[Perturbation], name: str, episode: int) -> None:
+    low, high = getattr(RANGES, name)
+    values = getattr(drawn[episode], name)
+    assert low <= values.min()
+    assert values.max() <= high
+    # U(low, high): mean (low + high) / 2, variance (high - low)^2 / 12. Whole numbers, k of
+    # them, have one of (k^2 - 1) / 12.
+    variance = (high - low) ** 2 / 12
+    if name in DELAYS:
+        assert set(values) == set(range(low, high + 1))
+        variance = ((high - low + 1) ** 2 - 1) / 12
+    assert values.mean() == pytest.approx((low + high) / 2, abs=4 * np.sqrt(variance / N))
+    # The fourth moment of a uniform law is 1.8 variances squared, that of a discrete one less, so
+    # the sample variance has a deviation of at most variance x sqrt(0.8 / N).
+    assert values.var() == pytest.approx(variance, abs=4 * variance * np.sqrt(0.8 / N))
+
+
+def test_robots_and_quantities_are_independent(drawn: list[Perturbation]) -> None:
+    for name in set(QUANTITIES) - set(DELAYS):
+        assert len(np.unique(getattr(drawn[0], name))) == N
+    # A correlation of independent quantities has a deviation of 1 / sqrt(N) = 0.01; the greatest
+    # of 300 pairs, and of each robot with its neighbour and its own last episode, stays below 5.
+    table = np.array(drawn[0])
+    correlations = np.corrcoef(table) - np.eye(len(table))
+    assert np.abs(correlations).max() < 0.05
+    for others in (np.roll(table, 1, axis=1), np.array(drawn[1])):
+        pairs = zip(table, others, strict=True)
+        assert max(abs(np.corrcoef(a, b)[0, 1]) for a, b in pairs) < 0.05
+
+
+def test_reset_of_some_leaves_the_others_alone(make_robot) -> None:
+    simulator = fleet(make_robot, 6)
+    before = np.array(simulator.drawn)
+    simulator.reset(np.array([1, 4]))
+    changed = (np.array(simulator.drawn) != before).any(axis=0)
+    assert changed.tolist() == [False, True, False, False, True, False]
+
+
+def test_first_episode_is_that_of_a_robot_without_errors(make_robot) -> None:
+    # World, start, goal and heading are drawn first, so that both can be compared.
+    perturbed = fleet(make_robot, 20)
+    pool = build_pool([OPEN], radius=0.01)
+    nominal = PlanarSimulator(make_robot(lidar=full_circle(1)), pool, 20)
+    nominal.seed(np.arange(20))
+    nominal.reset()
+    assert (perturbed.state.pose == nominal.state.pose).all()
+    assert (perturbed.state.goal == nominal.state.goal).all()
