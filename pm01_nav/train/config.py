@@ -19,9 +19,9 @@ Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 class PPOConfig(FrozenModel):
     """Hyper-parameters of PPO, tuned for the batched environment."""
 
-    n_envs: Count = 256
+    n_envs: Count = 512
     """Robots that drive side by side."""
-    n_steps: Count = 64
+    n_steps: Count = 32
     """Steps of each robot between two updates."""
     batch_size: Count = 4096
     n_epochs: Count = 5

@@ -64,7 +64,7 @@ def assert_bit_equal(one: dict[str, NDArray], two: dict[str, NDArray]) -> None:
         assert one[name].tobytes() == two[name].tobytes(), name
 
 
-@pytest.mark.parametrize("suite", ["static", "barn_like"])
+@pytest.mark.parametrize("suite", ["static", "warehouse", "barn_like"])
 def test_without_errors_robots_are_as_described(suite: str) -> None:
     pool = generate_pool(SUITES[suite], range(4), radius=0.4)
     batches = [
