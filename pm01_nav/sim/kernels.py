@@ -48,9 +48,14 @@ def _reset(state, indices, base, lidar, worlds, goal_distance):
     ``goal_distance`` (2,): least and greatest distance from the start to the goal [m].
     """
     for k in prange(indices.shape[0]):
-        i = indices[k]
-        place(state, i, base, worlds, goal_distance)
-        observe(state, i, base, lidar, worlds)
+        begin(state, indices[k], base, lidar, worlds, goal_distance)
+
+
+@compiled(inline=False, allocates=False)
+def begin(state, i, base, lidar, worlds, goal_distance):
+    """Start a new episode in one environment."""
+    place(state, i, base, worlds, goal_distance)
+    observe(state, i, base, lidar, worlds)
 
 
 reset_many = compiled(parallel=True)(_reset)
@@ -65,7 +70,7 @@ def observe_batch(state, indices, base, lidar, worlds):
         observe(state, indices[k], base, lidar, worlds)
 
 
-@compiled
+@compiled(allocates=False)
 def move(state, i, command, base, worlds, time, drift):
     """Integrate one environment; an obstacle stops the robot where it last was free.
 
@@ -106,7 +111,7 @@ def move(state, i, command, base, worlds, time, drift):
     state.twist[i, 0], state.twist[i, 1] = v, w
 
 
-@compiled
+@compiled(allocates=False)
 def observe(state, i, base, lidar, worlds):
     """Measure scan, clearance and goal of one environment at its pose."""
     x, y = state.pose[i, 0], state.pose[i, 1]
@@ -123,7 +128,7 @@ def observe(state, i, base, lidar, worlds):
     state.goal_polar[i, 1] = np.arctan2(cos * dy - sin * dx, cos * dx + sin * dy)
 
 
-@compiled
+@compiled(allocates=False)
 def place(state, i, base, worlds, goal_distance):
     """Draw a world (unless one is fixed), a start, a goal and a heading; stand still there."""
     key, count = state.rng_key, state.rng_count

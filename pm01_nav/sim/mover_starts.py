@@ -21,7 +21,7 @@ PLACE_DRAWS = 64
 """Draws of another place for a pedestrian; then the one with most room is taken."""
 
 
-@compiled(inline=False, allocates=False)
+@compiled(allocates=False)
 def place_start(state, i, base, worlds):
     """Start the movers and draw a place for the robot that they do not reach at once.
 

@@ -16,7 +16,7 @@ from pm01_nav.sim.pedestrians import walk
 from pm01_nav.worlds.mover_arrays import BOUNCE, TRACK
 
 
-@compiled(inline=False, allocates=False)
+@compiled(allocates=False)
 def step_movers(state, i, base, worlds, crowd, tables):
     """Move all movers of one environment for a control step; ``tables`` is room to work in.
 
@@ -91,7 +91,7 @@ def on_track(worlds, m, clock):
     return x + part * dx, y + part * dy, dx * pieces / period, dy * pieces / period
 
 
-@compiled(inline=False, allocates=False)
+@compiled(allocates=False)
 def mover_clearance(x, y, cos, sin, base, state, i, ago):
     """Return the distance from the footprint to the nearest mover [m], 1e9 if there is none.
 
@@ -111,7 +111,7 @@ def mover_clearance(x, y, cos, sin, base, state, i, ago):
     return best
 
 
-@compiled(inline=False, allocates=False)
+@compiled(allocates=False)
 def cast_movers(x, y, cos, sin, lidar, state, i, scan):
     """Shorten the beams of a scan (see ``cast_scan``) that meet a mover."""
     x, y = x + cos * lidar.x - sin * lidar.y, y + sin * lidar.x + cos * lidar.y
