@@ -44,7 +44,8 @@ def reference_first_hit(
 ) -> tuple[float, FloatArray]:
     """Return how far a free disc moves before it touches something, and the normal there.
 
-    Steps as long as the gap, or of a millimetre, then a root finder; the normal is the gap's gradient by differences.
+    Steps as long as the gap, or of a millimetre, then a root finder; the normal is the gap's
+    gradient by differences.
     """
 
     def gap(distance: float) -> float:
@@ -145,7 +146,7 @@ def _nearest_permitted(
 
 
 def reference_repulsion(way: FloatArray, velocity: FloatArray, reach: float) -> FloatArray:
-    """Return the acceleration by Moussaid et al. (2009), formulas 2.3 to 2.5, on the gap [m/s^2]."""
+    """Return the acceleration by the model of Moussaid et al. (2009), on the gap [m/s^2]."""
     distance = float(np.linalg.norm(way))
     interaction = 2.0 * velocity + way / distance
     scale = 0.35 * float(np.linalg.norm(interaction))
