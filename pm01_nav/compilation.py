@@ -31,7 +31,9 @@ def _kernel_cache() -> str:
     """
     package = Path(__file__).parent
     digest = hashlib.sha256()
-    for source in sorted([*package.glob("sim/*.py"), *package.glob("worlds/*.py")]):
+    for source in sorted(
+        [Path(__file__), *package.glob("sim/*.py"), *package.glob("worlds/**/*.py")]
+    ):
         digest.update(source.read_bytes())
     return str(cache_folder() / "kernels" / digest.hexdigest()[:16])
 
@@ -41,15 +43,14 @@ def compiled(
     *,
     parallel: bool = False,
     inline: bool = True,
-    allocates: bool | None = None,
+    allocates: bool = False,
 ) -> Any:
     """Compile a function on its first call.
 
     ``parallel`` spreads its ``prange`` over threads. ``inline=False`` keeps rarely needed code
     out of its callers, where it would cost registers (measured: a third of the time of a step).
-    ``allocates=False``, for a function that makes no arrays, leaves out the counting of references
-    to them: atomic operations that otherwise can cost more than the work. What it calls does so
-    too, unless it says ``allocates=True``.
+    ``allocates`` is for functions that make arrays or lists. All others go without numba's
+    reference counts, which took more than half of a step: their arrays belong to the caller.
     """
     if function is None:
         return partial(compiled, parallel=parallel, inline=inline, allocates=allocates)
@@ -58,9 +59,8 @@ def compiled(
         "error_model": "numpy",
         "parallel": parallel,
         "forceinline": inline and not parallel,
+        "_nrt": allocates,
     }
-    if allocates is not None:
-        options["_nrt"] = allocates
     # The setting is read here and now; other users of numba in this process keep theirs.
     with patched(numba_config, "CACHE_DIR", _kernel_cache()):
         return numba.njit(**options)(function)

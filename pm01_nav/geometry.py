@@ -37,7 +37,7 @@ def rectangle(x: float, y: float, length: float, width: float, yaw: float = 0.0)
 
 def polygon_edges(vertices: Array) -> Array:
     """Return a polygon's edges as segments (x1, y1, x2, y2), shape (num_vertices, 4) [m]."""
-    return np.concatenate([vertices, np.roll(vertices, -1, axis=0)], axis=1)
+    return np.concatenate([vertices, np.concatenate([vertices[1:], vertices[:1]])], axis=1)
 
 
 def is_convex_counter_clockwise(vertices: Array) -> bool:

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.benchmark.metrics import barn_score, spl, wilson_interval
 from pm01_nav.errors import InputError
+from pm01_nav.planners.plan_follower import PlanFollower
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
@@ -20,6 +23,7 @@ from pm01_nav.task.terminations import out_of_time
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.worlds.barn import load_barn
 from pm01_nav.worlds.free_space import shortest_path_length
+from pm01_nav.worlds.global_plan import inflate
 from pm01_nav.worlds.pool import WorldPool
 
 CHUNK = 1024
@@ -135,6 +139,24 @@ def goal_in_base(batch: NavigationBatch) -> FloatArray:
     return np.stack([distance * np.cos(bearing), distance * np.sin(bearing)], axis=-1)
 
 
+def goal_source(
+    batch: NavigationBatch, pool: WorldPool, look_ahead: float | None
+) -> Callable[[], FloatArray]:
+    """Return what tells every robot's goal in base_link [m], shape (num_envs, 2), at any moment.
+
+    Without ``look_ahead`` [m] it is the goal itself, else a point so far along a global plan to it
+    from where the robot stands now. Plans see the static world only.
+    """
+    if look_ahead is None:
+        return partial(goal_in_base, batch)
+    state = batch.simulator.state
+    costmaps = {
+        int(w): inflate(pool.free_space(int(w)), pool.radius) for w in np.unique(state.world)
+    }
+    follower = PlanFollower([costmaps[int(w)] for w in state.world], state.goal, look_ahead)
+    return lambda: follower.goals_in_base(state.pose)
+
+
 class Evaluator:
     """The same held-out episodes for every policy that it runs.
 
@@ -142,14 +164,20 @@ class Evaluator:
     are visited in turn.
     """
 
-    def __init__(self, config: TaskConfig, episodes: int, seed: int) -> None:
+    def __init__(
+        self, config: TaskConfig, episodes: int, seed: int, *, look_ahead: float | None = None
+    ) -> None:
         """Make or read the worlds.
+
+        With ``look_ahead`` [m] the policies are given points of a global plan instead of the goal;
+        success is judged at the goal all the same.
 
         Raises:
             InputError: the worlds cannot be had.
         """
         self.config, self.episodes, self.seed = config, episodes, seed
-        self._pool = world_pool(config, "held_out", episodes, seed)
+        self.look_ahead = look_ahead
+        self.pool = world_pool(config, "held_out", episodes, seed)
         self._shortest: dict[int, FloatArray] = {}
 
     def run(self, policy: Policy) -> tuple[EpisodeResults, float]:
@@ -161,13 +189,14 @@ class Evaluator:
         chunks, seconds = [], 0.0
         for first in range(0, self.episodes, CHUNK):
             count = min(CHUNK, self.episodes - first)
-            batch = NavigationBatch(self.config, self._pool, count, autoreset=False)
+            batch = NavigationBatch(self.config, self.pool, count, autoreset=False)
             numbers = np.arange(first, first + count)
-            batch.reset((self.seed << 32) + numbers, numbers % len(self._pool))
+            batch.reset((self.seed << 32) + numbers, numbers % len(self.pool))
             if first not in self._shortest:
-                self._shortest[first] = _shortest_paths(batch, self._pool)
+                self._shortest[first] = _shortest_paths(batch, self.pool)
+            goals = goal_source(batch, self.pool, self.look_ahead)
             began = time.perf_counter()
-            recorder = _drive(policy, batch)
+            recorder = _drive(policy, batch, goals)
             seconds += time.perf_counter() - began
             world = batch.simulator.state.world.copy()
             chunks.append(recorder.results(world, self._shortest[first]))
@@ -177,18 +206,20 @@ class Evaluator:
         """Run every episode; return the figures of merit as plain data."""
         results, seconds = self.run(policy)
         summary = {"seed": self.seed} | summarize(results, self.config, seconds)
+        if self.look_ahead is not None:
+            summary["global_plan_look_ahead_m"] = self.look_ahead
         if self.config.suite == "barn" and self.config.worlds is not None:
             summary |= summarize_barn(results, load_barn(self.config.worlds).path_lengths)
         return summary
 
 
-def _drive(policy: Policy, batch: NavigationBatch) -> Recorder:
+def _drive(policy: Policy, batch: NavigationBatch, goals: Callable[[], FloatArray]) -> Recorder:
     """Drive every robot of a fresh batch until its episode ends."""
     policy.reset()
     simulator = batch.simulator
     recorder = Recorder.begin(batch)
     while recorder.active.any():
-        command = policy.act(simulator.scan, goal_in_base(batch), simulator.state.twist)
+        command = policy.act(simulator.scan, goals(), simulator.state.twist)
         recorder.record(batch, _checked(command, batch.num_envs))
     return recorder
 

@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pm01_nav.benchmark.evaluate import goal_in_base
+from pm01_nav.benchmark.evaluate import goal_source
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.rendering.canvas import Canvas
 from pm01_nav.rendering.scene import Outcome, Scene
@@ -25,9 +25,17 @@ SIZE = (720, 760)
 
 
 def film(
-    policy: Policy, config: TaskConfig, episodes: int, seed: int, label: str
+    policy: Policy,
+    config: TaskConfig,
+    episodes: int,
+    seed: int,
+    label: str,
+    *,
+    look_ahead: float | None = None,
 ) -> Iterator[NDArray[np.uint8]]:
     """Yield pictures (height, width, 3) of the first episodes that ``Evaluator`` would run.
+
+    With ``look_ahead`` [m] the policy follows a global plan, see ``Evaluator``.
 
     Raises:
         InputError: the worlds cannot be had.
@@ -40,18 +48,23 @@ def film(
         world = pool.worlds[int(batch.simulator.state.world[0])]
         canvas = Canvas(world, batch.robot, SIZE)
         caption = f"{label}   {config.name}, seed {seed}, episode {number + 1} of {episodes}"
-        yield from _film_episode(policy, batch, canvas, caption)
+        goals = goal_source(batch, pool, look_ahead)
+        yield from _film_episode(policy, batch, goals, canvas, caption)
 
 
 def _film_episode(
-    policy: Policy, batch: NavigationBatch, canvas: Canvas, caption: str
+    policy: Policy,
+    batch: NavigationBatch,
+    goals: Callable[[], NDArray[np.float64]],
+    canvas: Canvas,
+    caption: str,
 ) -> Iterator[NDArray[np.uint8]]:
     state = batch.simulator.state
     trail = [state.pose[0, :2].copy()]
     outcome: Outcome | None = None
     while outcome is None:
         yield _picture(batch, canvas, trail, caption, None)
-        command = policy.act(batch.simulator.scan, goal_in_base(batch), state.twist)
+        command = policy.act(batch.simulator.scan, goals(), state.twist)
         step = batch.advance(np.asarray(command, dtype=np.float64))
         trail.append(state.pose[0, :2].copy())
         outcome = _outcome(step, batch.config)

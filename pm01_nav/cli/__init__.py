@@ -24,7 +24,7 @@ except ImportError:
 from pm01_nav import __version__  # noqa: E402
 from pm01_nav.errors import InputError  # noqa: E402
 
-COMMANDS = ("demo", "train", "evaluate", "export", "replay", "doctor")
+COMMANDS = ("demo", "train", "evaluate", "export", "replay", "worlds", "doctor")
 
 
 class Commands(click.Group):

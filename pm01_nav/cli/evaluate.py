@@ -7,12 +7,18 @@ from typing import Any
 
 import click
 
-from pm01_nav.cli.options import task_from_options, task_options
+from pm01_nav.cli.options import (
+    look_ahead_from_options,
+    plan_options,
+    task_from_options,
+    task_options,
+)
 
 
 @click.command("evaluate", short_help="Measure a policy on worlds it has never seen.")
 @click.argument("policy")
 @task_options
+@plan_options
 @click.option("--episodes", type=click.IntRange(1), default=1000, show_default=True)
 @click.option(
     "--seed",
@@ -22,7 +28,15 @@ from pm01_nav.cli.options import task_from_options, task_options
     help="Chooses the held-out worlds, starts and goals.",
 )
 @click.option("--json", "json_file", metavar="FILE", help="Write the figures; - for stdout.")
-def command(policy: str, episodes: int, seed: int, json_file: str | None, **options: Any) -> None:
+def command(
+    policy: str,
+    episodes: int,
+    seed: int,
+    json_file: str | None,
+    global_plan: bool,
+    look_ahead: float | None,
+    **options: Any,
+) -> None:
     """Measure POLICY: a policy.onnx, a run's folder, or a planner's name (goal_seeking).
 
     Rates come with Wilson 95 % intervals. Without --task a policy is measured on the task it was
@@ -30,27 +44,39 @@ def command(policy: str, episodes: int, seed: int, json_file: str | None, **opti
 
     \b
       pm01 evaluate policy.onnx --task barn --worlds barn_data --episodes 250
+
+    A policy alone gets stuck in dead ends. Where the map is known, a global plan leads it:
+
+    \b
+      pm01 evaluate policy.onnx --task map --map office.yaml --global-plan
     """
+    from pm01_nav.benchmark.evaluate import Evaluator
+    from pm01_nav.benchmark.policies import load_policy, trained_task
+
+    distance = look_ahead_from_options(global_plan, look_ahead)
+    task = task_from_options(trained_task(policy), **options)
+    driver = load_policy(policy, task.robot_spec(), task.control_dt)
+    evaluator = Evaluator(task, episodes, seed, look_ahead=distance)
+    summary = {"policy": policy} | evaluator.summary(driver)
+    _report(summary, f"{task.name}: {episodes} episodes, seed {seed}", json_file)
+
+
+def _report(summary: dict[str, Any], title: str, json_file: str | None) -> None:
+    """Write the figures as JSON if asked to, and print them as a table."""
     import json
 
     from rich.console import Console
 
-    from pm01_nav.benchmark.evaluate import Evaluator
-    from pm01_nav.benchmark.policies import load_policy, trained_task
     from pm01_nav.cli.display import results_table
     from pm01_nav.config import write_atomically
     from pm01_nav.provenance import provenance
 
-    task = task_from_options(trained_task(policy), **options)
-    driver = load_policy(policy, task.robot_spec(), task.control_dt)
-    summary = {"policy": policy} | Evaluator(task, episodes, seed).summary(driver)
     text = json.dumps(summary | provenance(), indent=2)
     if json_file == "-":
         click.echo(text)
         return
     if json_file:
         write_atomically(json_file, text + "\n")
-    title = f"{task.name}: {episodes} episodes, seed {seed}"
-    Console().print(results_table({policy: summary}, title))
+    Console().print(results_table({summary["policy"]: summary}, title))
     if "barn_evaluated_in" in summary:
         click.echo(f"BARN scores: {summary['barn_evaluated_in']}")

@@ -21,8 +21,8 @@ def task_options(command: Command) -> Command:
             click.option(
                 "--task",
                 metavar="NAME",
-                help="Where to drive: static, empty, article, map (with --map), barn_like, "
-                "barn (with --worlds).",
+                help="Where to drive: static, empty, article, corridors, rooms, maze, u_traps, "
+                "crowd, warehouse, mixed, map (with --map), barn_like, barn (with --worlds).",
             ),
             click.option("--map", "map_", metavar="FILE", help="A ROS map's YAML, for task map."),
             click.option(
@@ -48,6 +48,36 @@ def task_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+def plan_options(command: Command) -> Command:
+    """Add the options that lead a policy along a global plan."""
+    look_ahead = click.option(
+        "--look-ahead",
+        type=click.FloatRange(0.0, min_open=True),
+        metavar="METRES",
+        help="How far ahead on the global plan the policy's goal lies. [default: 2]",
+    )
+    global_plan = click.option(
+        "--global-plan",
+        is_flag=True,
+        help="The world is known: lead the policy along a way found on its map.",
+    )
+    return global_plan(look_ahead(command))
+
+
+def look_ahead_from_options(global_plan: bool, look_ahead: float | None) -> float | None:
+    """Return how far ahead on a global plan the goal lies [m], or None without such a plan.
+
+    Raises:
+        InputError: a distance without a plan.
+    """
+    from pm01_nav.errors import InputError
+    from pm01_nav.planners.plan_follower import LOOK_AHEAD
+
+    if look_ahead is not None and not global_plan:
+        raise InputError(f"look-ahead = {look_ahead:g}: needs --global-plan")
+    return (look_ahead or LOOK_AHEAD) if global_plan else None
 
 
 def parse_changes(changes: tuple[str, ...]) -> dict[str, Any]:

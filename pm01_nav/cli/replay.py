@@ -7,18 +7,31 @@ from typing import Any
 
 import click
 
-from pm01_nav.cli.options import task_from_options, task_options
+from pm01_nav.cli.options import (
+    look_ahead_from_options,
+    plan_options,
+    task_from_options,
+    task_options,
+)
 
 
 @click.command("replay", short_help="Film a policy.")
 @click.argument("policy")
 @task_options
+@plan_options
 @click.option("--episodes", type=click.IntRange(1), default=3, show_default=True)
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
 @click.option("-o", "--output", required=True, metavar="FILE", help="An .mp4 or .gif to write.")
 @click.option("--speed", type=click.FloatRange(0.1), default=2.0, show_default=True)
 def command(
-    policy: str, episodes: int, seed: int, output: str, speed: float, **options: Any
+    policy: str,
+    episodes: int,
+    seed: int,
+    output: str,
+    speed: float,
+    global_plan: bool,
+    look_ahead: float | None,
+    **options: Any,
 ) -> None:
     """Film POLICY driving: a policy.onnx, a run's folder, or a planner's name.
 
@@ -30,8 +43,9 @@ def command(
     from pm01_nav.benchmark.replay import film
     from pm01_nav.rendering.video import write_video
 
+    distance = look_ahead_from_options(global_plan, look_ahead)
     task = task_from_options(trained_task(policy), **options)
     driver = load_policy(policy, task.robot_spec(), task.control_dt)
-    frames = film(driver, task, episodes, seed, Path(policy).name)
+    frames = film(driver, task, episodes, seed, Path(policy).name, look_ahead=distance)
     write_video(frames, output, fps=speed / task.control_dt)
     click.echo(f"wrote {output}")

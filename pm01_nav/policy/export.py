@@ -50,7 +50,9 @@ class DeployedPolicy(torch.nn.Module):
         return self.low + self.half_range * (torch.clamp(mean, -1.0, 1.0) + 1.0)
 
 
-def greedy_policy(policy: ActorCriticPolicy, layout: ObservationLayout) -> NetworkPolicy:
+def greedy_policy(
+    policy: ActorCriticPolicy, layout: ObservationLayout, control_dt: float
+) -> NetworkPolicy:
     """Return the policy under training as a ``Policy``, for evaluations along the way."""
     module = DeployedPolicy(policy, layout)
 
@@ -58,7 +60,7 @@ def greedy_policy(policy: ActorCriticPolicy, layout: ObservationLayout) -> Netwo
         with torch.no_grad():
             return module(torch.from_numpy(batch)).numpy()
 
-    return NetworkPolicy(layout, network)
+    return NetworkPolicy(layout, network, control_dt)
 
 
 def policy_metadata(

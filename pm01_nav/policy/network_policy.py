@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.errors import InputError
-from pm01_nav.task.observation import ObservationLayout, build_observation, discard_invalid
+from pm01_nav.task.observation import (
+    ObservationLayout,
+    build_observation,
+    discard_invalid,
+    pool_sectors,
+)
+from pm01_nav.task.trail import Trail
 
 Network = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """Observations in physical units (n, size) -> commands (n, 2) [m/s, rad/s]."""
@@ -18,15 +24,18 @@ Network = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 class NetworkPolicy:
     """A network behind the ``Policy`` protocol."""
 
-    def __init__(self, layout: ObservationLayout, network: Network) -> None:
-        """Show ``network`` what ``layout`` says."""
+    def __init__(self, layout: ObservationLayout, network: Network, control_dt: float) -> None:
+        """Show ``network`` what ``layout`` says, every ``control_dt`` [s]."""
         self.layout = layout
+        self.control_dt = control_dt
+        self._trail: Trail | None = None
         self._network = network
         self._previous: NDArray[np.float64] | None = None
 
     def reset(self) -> None:
-        """Forget the last action before a new episode."""
+        """Forget the last action and the trail before a new episode."""
         self._previous = None
+        self._trail = None
 
     def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> NDArray[np.float64]:
         """Return the next command (v, w) [m/s, rad/s]; one robot, or a leading batch dimension.
@@ -44,15 +53,29 @@ class NetworkPolicy:
         polar = np.stack(
             [np.hypot(goal[..., 0], goal[..., 1]), np.arctan2(goal[..., 1], goal[..., 0])], axis=-1
         )
-        velocity = _finite_pair(velocity, "velocity")
+        velocity = np.broadcast_to(_finite_pair(velocity, "velocity"), goal.shape)
         if self._previous is None or self._previous.shape != goal.shape:
+            self.reset()
             self._previous = np.zeros_like(goal)
         ranges = discard_invalid(ranges, self.layout.scan)
-        observation = build_observation(self.layout, ranges, polar, velocity, self._previous)
+        nearest = pool_sectors(ranges, self.layout.sectors)
+        observation = build_observation(
+            self.layout, nearest, polar, velocity, self._previous, self._visited(velocity)
+        )
         batch = observation.reshape(-1, self.layout.size)
         command = self._network(batch).astype(np.float64).reshape(goal.shape)
         self._previous = self.layout.limits.to_action(command)
         return command
+
+    def _visited(self, velocity: NDArray[np.float64]) -> NDArray[np.float32] | None:
+        """Follow the trail by one step, if the layout has one; shape (..., trail sectors)."""
+        layout = self.layout.trail
+        if layout is None:
+            return None
+        rows = velocity.reshape(-1, 2)
+        if self._trail is None:
+            self._trail = Trail(layout, self.control_dt, len(rows))
+        return self._trail.follow(rows).reshape(*velocity.shape[:-1], layout.sectors)
 
     def _check_scan(self, scan: NDArray[np.float32]) -> NDArray[np.float32]:
         expected = self.layout.scan

@@ -32,13 +32,15 @@ class OnnxPolicy(NetworkPolicy):
         session, self.metadata = _open(self.path)
         try:
             layout = ObservationLayout.from_dict(self.metadata["observation"])
-            self.control_dt = float(self.metadata["control_dt"])
+            control_dt = float(self.metadata["control_dt"])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: unusable metadata: {error}") from error
         width = session.get_inputs()[0].shape[-1]
         if width != layout.size:
             raise InputError(f"{path}: network of {width} inputs, metadata of {layout.size}")
-        super().__init__(layout, lambda batch: session.run(None, {"observation": batch})[0])
+        super().__init__(
+            layout, lambda batch: session.run(None, {"observation": batch})[0], control_dt
+        )
         if robot is not None:
             self._check_robot(robot)
 

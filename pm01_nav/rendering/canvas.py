@@ -111,7 +111,7 @@ class Canvas:
         self._robot = robot
         self._unit = layout_unit(self.size)
         self._font = ImageFont.load_default(max(9.0, 15 * self._unit))
-        self._background = _background(world, self.view, self.size)
+        self._background = draw_world(world, self.view, self.size)
 
     def draw(self, scene: Scene) -> NDArray[np.uint8]:
         """Return one picture, RGB, shape (height, width, 3)."""
@@ -133,7 +133,7 @@ class Canvas:
         return np.array(frame)
 
 
-def _background(world: World, view: View, size: Size) -> Image.Image:
+def draw_world(world: World, view: View, size: Size) -> Image.Image:
     """Draw what stands still, ``SUPERSAMPLING`` times as large as the picture."""
     view, unit = view.magnified(SUPERSAMPLING), layout_unit(size) * SUPERSAMPLING
     picture = Image.new("RGB", (size[0] * SUPERSAMPLING, size[1] * SUPERSAMPLING), PAGE)

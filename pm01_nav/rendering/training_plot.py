@@ -31,6 +31,8 @@ TERMS = ("#2f80ed", "#f28026", "#7c5cd6", "#00a0b0", "#c9508f", "#9a7d0a")
 DASHES = ("-", "--", ":")
 """Terms beyond the colours begin anew with another line."""
 REWARD = "reward/"
+CURRICULUM = "curriculum/"
+EFFECTIVE_WORLDS = f"{CURRICULUM}effective_worlds"
 FEW_POINTS = 30
 """Up to so many points each has a mark, so that a single one is seen."""
 STYLE: Any = {
@@ -58,7 +60,8 @@ def plot_training(history: History, path: str | Path, title: str) -> None:
     """Draw the history of a training run, of any length, into a PNG.
 
     ``history`` holds one number per iteration under "seconds", "steps", "return", the rates of
-    the endings and "reward/<term>", and one per evaluation under the keys "eval_...".
+    the endings and "reward/<term>", and one per evaluation under the keys "eval_...". Keys
+    "curriculum/<metric>" get a panel of their own.
 
     Raises:
         InputError: matplotlib is not installed.
@@ -72,16 +75,20 @@ def plot_training(history: History, path: str | Path, title: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 9.6), dpi=120, layout="constrained")
+        heights = [1.25, 1.0, 1.25]
+        if any(key.startswith(CURRICULUM) for key in history):
+            heights.append(0.8)
+        size = (9.0, 9.6 / 3.5 * sum(heights))
+        figure = Figure(figsize=size, dpi=120, layout="constrained")
         figure.get_layout_engine().set(w_pad=0.12, h_pad=0.1)  # type: ignore[union-attr,call-arg]
-        success, endings, terms = figure.subplots(3, 1, height_ratios=(1.25, 1.0, 1.25))
+        panels = figure.subplots(len(heights), 1, height_ratios=heights)
         figure.suptitle(title, x=0.02, ha="left", fontsize=13, fontweight="bold")
-        _plot_success(success, history)
-        _plot_endings(endings, history)
-        _plot_terms(terms, history)
-        for axes in (success, endings, terms):
+        plots = (_plot_success, _plot_endings, _plot_terms, _plot_curriculum)
+        for axes, plot in zip(panels, plots, strict=False):
+            plot(axes, history)
             _share_time(axes, history)
-        _add_steps(success, history)
+        panels[-1].set_xlabel("training time [s]")
+        _add_steps(panels[0], history)
         try:
             figure.savefig(partial, format="png")
             partial.replace(path)
@@ -150,8 +157,27 @@ def _plot_terms(axes: Axes, history: History) -> None:
     total = _values(history, "return")
     if len(total):
         _line(axes, seconds, total, color=INK, linewidth=2.4, label="return")
-    axes.set_xlabel("training time [s]")
     _legend(axes)
+
+
+def _plot_curriculum(axes: Axes, history: History) -> None:
+    axes.set_title("Curriculum")
+    seconds = _values(history, "seconds")
+    names = [key for key in history if key.startswith(CURRICULUM) and key != EFFECTIVE_WORLDS]
+    for key, color in zip(names, TERMS, strict=False):
+        label = key.removeprefix(CURRICULUM).replace("_", " ")
+        _line(axes, seconds, _values(history, key), color=color, label=label)
+    worlds = _values(history, EFFECTIVE_WORLDS)
+    if len(worlds):
+        right = axes.twinx()
+        right.tick_params(axis="y", labelcolor=INK)
+        right.grid(visible=False)
+        _line(right, seconds, worlds, color=INK, linestyle="--")
+        right.set_ylim(bottom=0.0)
+        # Named on the left axis, whose legend is the panel's.
+        axes.plot([], [], color=INK, linestyle="--", label="effective worlds\n(right axis)")
+    axes.set_ylim(bottom=0.0)
+    _legend(axes, beside=1.08)
 
 
 def _share_time(axes: Axes, history: History) -> None:
@@ -191,9 +217,9 @@ def _percent(axes: Axes) -> None:
     axes.set_yticks(range(0, 101, 20))
 
 
-def _legend(axes: Axes) -> None:
-    """Name the lines beside the panel, where no line can run through the names."""
+def _legend(axes: Axes, beside: float = 1.0) -> None:
+    """Name the lines ``beside`` panel widths from its left, where no line can run through them."""
     if axes.get_legend_handles_labels()[1]:
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        axes.legend(loc="center left", bbox_to_anchor=(beside, 0.5))
     else:
         axes.text(0.5, 0.5, "no data yet", transform=axes.transAxes, ha="center", color="#848d9c")

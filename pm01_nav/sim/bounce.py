@@ -18,7 +18,7 @@ GRAZE = 1e-12
 """A line that enters a circle by less is a tangent [m^2]."""
 
 
-@compiled(inline=False, allocates=False)
+@compiled(inline=False)
 def bounce(x, y, ux, uy, length, r, worlds, w):
     """Move a disc by ``length`` [m] along the unit vector (ux, uy), reflected by what it meets.
 
@@ -34,7 +34,7 @@ def bounce(x, y, ux, uy, length, r, worlds, w):
     return x, y, ux, uy
 
 
-@compiled(inline=False, allocates=False)
+@compiled(inline=False)
 def first_hit(x, y, ux, uy, length, r, worlds, w):
     """Return how far a disc moves before it hits something, and the normal of what it hits.
 
@@ -52,7 +52,7 @@ def first_hit(x, y, ux, uy, length, r, worlds, w):
     return hit
 
 
-@compiled(allocates=False)
+@compiled
 def hit_bounds(x, y, ux, uy, r, bounds, hit):
     """Return the earlier of ``hit`` and where a disc touches the bounds from within."""
     if ux != 0.0:
@@ -66,7 +66,7 @@ def hit_bounds(x, y, ux, uy, r, bounds, hit):
     return hit
 
 
-@compiled(allocates=False)
+@compiled
 def hit_circle(dx, dy, ux, uy, reach, hit):
     """Return the earlier of ``hit`` and where a point, at (dx, dy) from a circle, enters it."""
     along = dx * ux + dy * uy
@@ -81,7 +81,7 @@ def hit_circle(dx, dy, ux, uy, reach, hit):
     return distance, nx / norm, ny / norm
 
 
-@compiled(inline=False, allocates=False)
+@compiled(inline=False)
 def hit_segment(dx, dy, ex, ey, ux, uy, r, hit):
     """Return the earlier of ``hit`` and where a disc, at (dx, dy) from a wall's end, touches it.
 
@@ -103,7 +103,7 @@ def hit_segment(dx, dy, ex, ey, ux, uy, r, hit):
     return hit_circle(dx - ex, dy - ey, ux, uy, r, hit)
 
 
-@compiled(inline=False, allocates=False)
+@compiled(inline=False)
 def hit_grid(x, y, ux, uy, r, worlds, w, hit):
     """Return the earlier of ``hit`` and where a disc touches a solid cell."""
     offset = worlds.grid_begin[w]

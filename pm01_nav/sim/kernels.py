@@ -7,13 +7,15 @@ import numpy as np
 from numba import prange
 
 from pm01_nav.compilation import compiled
-from pm01_nav.sim.collision import clearance
+from pm01_nav.sim.collision import clearance, to_base
 from pm01_nav.sim.dynamics import arc, clip, next_speed, wrap
-from pm01_nav.sim.lidar import cast_scan, measure
+from pm01_nav.sim.lidar import add_noise, cast_scan, nearest_in_sectors, read_scan
 from pm01_nav.sim.mover_starts import place_start
 from pm01_nav.sim.movers import cast_movers, mover_clearance, step_movers
+from pm01_nav.sim.path_distance import read_distance, spread_distance
 from pm01_nav.sim.pedestrians import new_tables
 from pm01_nav.sim.random import draw_row, uniform
+from pm01_nav.sim.trail import begin_trail, follow_trail
 
 CHUNK = 16
 """Environments that a thread steps in one go."""
@@ -21,41 +23,37 @@ GOAL_DRAWS = 256
 """Draws of a goal at an allowed distance; then the one that misses it least is taken."""
 
 
-@compiled(parallel=True)
-def step_batch(state, command, base, lidar, worlds, time, crowd):
+@compiled(parallel=True, allocates=True)
+def step_batch(state, command, base, lidar, worlds, time, crowd, trail):
     """Apply one command (num_envs, 2) [m/s, rad/s] to every environment for a control step."""
     num_envs = state.pose.shape[0]
     for chunk in prange((num_envs + CHUNK - 1) // CHUNK):
         begin, end = chunk * CHUNK, min((chunk + 1) * CHUNK, num_envs)
         tables = new_tables(state.mover_position.shape[1])
-        step_some(state, begin, end, command, base, lidar, worlds, time, crowd, tables)
+        step_some(state, begin, end, command, base, lidar, worlds, time, crowd, trail, tables)
 
 
-@compiled(inline=False, allocates=False)
-def step_some(state, begin, end, command, base, lidar, worlds, time, crowd, tables):
+@compiled(inline=False)
+def step_some(state, begin, end, command, base, lidar, worlds, time, crowd, trail, tables):
     """Step the environments ``begin`` to ``end``; ``tables`` is room for their movers."""
     for i in range(begin, end):
         drift = 0.0
         if state.mover_count[i] > 0:
             drift = step_movers(state, i, base, worlds, crowd, tables)
         move(state, i, command, base, worlds, time, drift)
-        observe(state, i, base, lidar, worlds)
+        observe(state, i, base, lidar, worlds, trail)
 
 
-def _reset(state, indices, base, lidar, worlds, goal_distance):
+def _reset(state, indices, base, lidar, worlds, trail, goal_distance, scratch):
     """Start a new episode in the environments ``indices`` (n,).
 
     ``goal_distance`` (2,): least and greatest distance from the start to the goal [m].
     """
     for k in prange(indices.shape[0]):
-        begin(state, indices[k], base, lidar, worlds, goal_distance)
-
-
-@compiled(inline=False, allocates=False)
-def begin(state, i, base, lidar, worlds, goal_distance):
-    """Start a new episode in one environment."""
-    place(state, i, base, worlds, goal_distance)
-    observe(state, i, base, lidar, worlds)
+        i = indices[k]
+        place(state, i, base, worlds, goal_distance)
+        begin_episode(state, i, worlds, scratch)
+        observe(state, i, base, lidar, worlds, trail)
 
 
 reset_many = compiled(parallel=True)(_reset)
@@ -64,13 +62,14 @@ reset_few = compiled(_reset)
 
 
 @compiled(parallel=True)
-def observe_batch(state, indices, base, lidar, worlds):
-    """Bring scan, clearance and goal up to date after poses were set from outside."""
+def observe_batch(state, indices, base, lidar, worlds, trail, scratch):
+    """Begin episodes in environments whose poses and goals were set from outside."""
     for k in prange(indices.shape[0]):
-        observe(state, indices[k], base, lidar, worlds)
+        begin_episode(state, indices[k], worlds, scratch)
+        observe(state, indices[k], base, lidar, worlds, trail)
 
 
-@compiled(allocates=False)
+@compiled
 def move(state, i, command, base, worlds, time, drift):
     """Integrate one environment; an obstacle stops the robot where it last was free.
 
@@ -111,24 +110,39 @@ def move(state, i, command, base, worlds, time, drift):
     state.twist[i, 0], state.twist[i, 1] = v, w
 
 
-@compiled(allocates=False)
-def observe(state, i, base, lidar, worlds):
+@compiled
+def observe(state, i, base, lidar, worlds, trail):
     """Measure scan, clearance and goal of one environment at its pose."""
     x, y = state.pose[i, 0], state.pose[i, 1]
     cos, sin = state.heading[i, 0], state.heading[i, 1]
     state.clearance[i] = clearance(x, y, cos, sin, base, worlds, state.world[i])
-    cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], state.ranges[i])
+    cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], state.ranges, i)
     if state.mover_count[i] > 0:
         near = mover_clearance(x, y, cos, sin, base, state, i, 0.0)
         state.clearance[i] = min(state.clearance[i], near)
-        cast_movers(x, y, cos, sin, lidar, state, i, state.ranges[i])
-    measure(lidar, state.ranges[i], state.scan[i], state.rng_key, state.rng_count, i)
+        cast_movers(x, y, cos, sin, lidar, state, i)
+    if lidar.noise_std > 0.0:
+        add_noise(lidar, state.ranges, state.rng_key, state.rng_count, i)
+    read_scan(lidar, state.ranges, state.scan, i)
+    nearest_in_sectors(state.scan, state.nearest, i)
     dx, dy = state.goal[i, 0] - x, state.goal[i, 1] - y
+    ahead, left = to_base(dx, dy, cos, sin)
     state.goal_polar[i, 0] = np.sqrt(dx * dx + dy * dy)
-    state.goal_polar[i, 1] = np.arctan2(cos * dy - sin * dx, cos * dx + sin * dy)
+    state.goal_polar[i, 1] = np.arctan2(left, ahead)
+    read_distance(state, i, worlds)
+    if state.visited.shape[1] > 0:
+        follow_trail(state, i, trail)
 
 
-@compiled(allocates=False)
+@compiled
+def begin_episode(state, i, worlds, scratch):
+    """Prepare what one environment remembers and is paid by, once start and goal are known."""
+    begin_trail(state, i)
+    if state.path_field.shape[1] > 0:
+        spread_distance(state, i, worlds, scratch)
+
+
+@compiled
 def place(state, i, base, worlds, goal_distance):
     """Draw a world (unless one is fixed), a start, a goal and a heading; stand still there."""
     key, count = state.rng_key, state.rng_count

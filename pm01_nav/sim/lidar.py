@@ -12,73 +12,80 @@ import numpy as np
 
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.collision import segment, to_base
-from pm01_nav.sim.random import normal
+from pm01_nav.sim.random import bits
 from pm01_nav.sim.state import BLOCK
 
 FEW_BEAMS = 48
 """Up to this many beams all are tested; finding those that matter would cost more."""
 TWO_PI = 2.0 * np.pi
+ANGLE_ERROR = 1e-4
+"""What ``direction`` may be off [rad]."""
 
 
 @compiled
-def cast_scan(x, y, cos, sin, lidar, worlds, w, scan):
-    """Write the exact ranges of one scan [m]; infinity where nothing is hit within range_max.
+def cast_scan(x, y, cos, sin, lidar, worlds, w, ranges, i):
+    """Write the exact ranges of environment i [m]; infinity where nothing is hit within range_max.
 
-    ``x``, ``y``, ``cos``, ``sin`` are base_link's place and heading; ``scan`` has the shape
-    (num_beams padded to whole blocks,) and is float32.
+    ``x``, ``y``, ``cos``, ``sin`` are base_link's place and heading; ``ranges`` has the shape
+    (num_envs, num_beams padded to whole blocks) and is float32. It is handed on whole, since a
+    view of one row costs two counts of references at each call.
     """
     x, y = x + cos * lidar.x - sin * lidar.y, y + sin * lidar.x + cos * lidar.y
     cos, sin = (
         cos * lidar.mount_cos - sin * lidar.mount_sin,
         sin * lidar.mount_cos + cos * lidar.mount_sin,
     )
-    for k in range(scan.shape[0]):
-        scan[k] = np.inf
+    for k in range(ranges.shape[1]):
+        ranges[i, k] = np.inf
     for k in range(np.uint64(worlds.disc_begin[w]), np.uint64(worlds.disc_begin[w + 1])):
         dx, dy, r = worlds.discs[k, 0] - x, worlds.discs[k, 1] - y, worlds.discs[k, 2]
         reach = lidar.range_max + r
         if dx * dx + dy * dy <= reach * reach:
             dx, dy = to_base(dx, dy, cos, sin)
-            cast_disc(dx, dy, r, lidar, scan)
+            cast_disc(dx, dy, r, lidar, ranges, i)
     for k in range(np.uint64(worlds.segment_begin[w]), np.uint64(worlds.segment_begin[w + 1])):
         x1, y1, x2, y2 = segment(worlds, k)
         x1, y1 = to_base(x1 - x, y1 - y, cos, sin)
         x2, y2 = to_base(x2 - x, y2 - y, cos, sin)
-        cast_segment(x1, y1, x2, y2, lidar, scan)
+        cast_segment(x1, y1, x2, y2, lidar, ranges, i)
     if worlds.grid_begin[w + 1] > worlds.grid_begin[w]:
-        cast_grid(x, y, cos, sin, lidar, worlds, w, scan)
+        cast_grid(x, y, cos, sin, lidar, worlds, w, ranges, i)
 
 
 @compiled
-def cast_disc(x, y, r, lidar, scan):
+def cast_disc(x, y, r, lidar, ranges, i):
     """Shorten the beams that meet a disc at (x, y) in the lidar frame."""
     squared = x * x + y * y
     if squared <= r * r:
-        scan[:] = 0.0
+        ranges[i] = 0.0
     elif lidar.num_beams <= FEW_BEAMS:
-        cast_disc_beams(x, y, r, lidar, scan, 0, scan.shape[0])
+        cast_disc_beams(x, y, r, lidar, ranges, i, 0, ranges.shape[1])
     else:
-        half = np.arcsin(r / np.sqrt(squared))
-        right = np.arctan2(y, x) - half
-        for lap in range(-1, 2):
-            begin, end = blocks(right + lap * TWO_PI, 2.0 * half, lidar)
-            cast_disc_beams(x, y, r, lidar, scan, begin, end)
+        # The half angle is asin(sine), which this exceeds, by a beam or two close by.
+        sine = r / np.sqrt(squared)
+        half = sine + (0.5 * np.pi - 1.0) * sine * sine * sine
+        first, last, wrapped = covered(direction(x, y) - half, 2.0 * half, lidar)
+        cast_disc_beams(x, y, r, lidar, ranges, i, first, last)
+        cast_disc_beams(x, y, r, lidar, ranges, i, 0, wrapped)
 
 
 @compiled
-def cast_disc_beams(x, y, r, lidar, scan, begin, end):
-    """Test a disc against the beams [begin, end)."""
+def cast_disc_beams(x, y, r, lidar, ranges, i, begin, end):
+    """Test a disc against the beams [begin, end).
+
+    Only what cancels is kept in float64; the root is as exact in float32, and twice as fast.
+    """
     for k in range(np.uint64(begin), np.uint64(end)):
-        along = x * lidar.cos[k] + y * lidar.sin[k]
         across = x * lidar.sin[k] - y * lidar.cos[k]
-        under = (r - across) * (r + across)
-        distance = along - np.sqrt(max(under, 0.0))
-        hit = (under >= 0.0) & (along > 0.0)
-        scan[k] = min(scan[k], np.float32(distance if hit else np.inf))
+        along = np.float32(x * lidar.cos[k] + y * lidar.sin[k])
+        under = np.float32((r - across) * (r + across))
+        distance = along - np.sqrt(max(under, np.float32(0.0)))
+        hit = (under >= np.float32(0.0)) & (along > np.float32(0.0))
+        ranges[i, k] = min(ranges[i, k], distance if hit else np.float32(np.inf))
 
 
 @compiled
-def cast_segment(x1, y1, x2, y2, lidar, scan):
+def cast_segment(x1, y1, x2, y2, lidar, ranges, i):
     """Shorten the beams that meet a segment between two points in the lidar frame."""
     ex, ey = x2 - x1, y2 - y1
     length_squared = max(ex * ex + ey * ey, 1e-18)
@@ -90,48 +97,78 @@ def cast_segment(x1, y1, x2, y2, lidar, scan):
     nearest_x, nearest_y = x1 + along * ex, y1 + along * ey
     if nearest_x * nearest_x + nearest_y * nearest_y > range_squared:
         return
+    if cross < 0.0:  # From here on the first end is the right one.
+        x1, y1, ex, ey, cross = x2, y2, -ex, -ey, -cross
     if lidar.num_beams <= FEW_BEAMS:
-        cast_segment_beams(x1, y1, ex, ey, lidar, scan, 0, scan.shape[0])
+        cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, 0, ranges.shape[1])
     else:
-        right = np.arctan2(y1, x1) if cross >= 0.0 else np.arctan2(y2, x2)
-        width = np.arctan2(abs(cross), x1 * x2 + y1 * y2)
-        for lap in range(-1, 2):
-            begin, end = blocks(right + lap * TWO_PI, width, lidar)
-            cast_segment_beams(x1, y1, ex, ey, lidar, scan, begin, end)
+        width = direction(x1 * (x1 + ex) + y1 * (y1 + ey), cross)
+        first, last, wrapped = covered(direction(x1, y1), width, lidar)
+        cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, first, last)
+        cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, 0, wrapped)
 
 
 @compiled
-def cast_segment_beams(x1, y1, ex, ey, lidar, scan, begin, end):
-    """Test a segment, given by one end and its extent, against the beams [begin, end)."""
-    cross = x1 * ey - y1 * ex
+def cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, begin, end):
+    """Test a segment, given by its right end and its extent, against the beams [begin, end)."""
+    cross = np.float32(x1 * ey - y1 * ex)
     for k in range(np.uint64(begin), np.uint64(end)):
         across = lidar.cos[k] * ey - lidar.sin[k] * ex
-        distance = cross / across
-        along = (x1 * lidar.sin[k] - y1 * lidar.cos[k]) / across
+        along = x1 * lidar.sin[k] - y1 * lidar.cos[k]
         # A hair beyond the ends: a beam through the corner of two walls must not slip between.
-        hit = (along >= -1e-9) & (along <= 1.0 + 1e-9) & (distance >= 0.0)
-        scan[k] = min(scan[k], np.float32(distance if hit else np.inf))
+        hair = 1e-9 * across
+        hit = (across > 0.0) & (along >= -hair) & (along <= across + hair)
+        distance = cross / np.float32(across)
+        ranges[i, k] = min(ranges[i, k], distance if hit else np.float32(np.inf))
 
 
 @compiled
-def blocks(right, width, lidar):
-    """Return begin and end of the blocks of beams that cover an angle from its right side [rad]."""
-    first = (right - lidar.angle_min) / lidar.angle_increment - 1e-6
-    last = (right + width - lidar.angle_min) / lidar.angle_increment + 1e-6
-    low, high = max(int(np.ceil(first)), 0), min(int(np.floor(last)) + 1, lidar.num_beams)
-    if low >= high:
-        return 0, 0
-    return low // BLOCK * BLOCK, (high + BLOCK - 1) // BLOCK * BLOCK
+def direction(x, y):
+    """Return the direction of a vector [rad], at most ANGLE_ERROR off, in a tenth of the time.
+
+    It only chooses beams to test. A polynomial for the arc tangent on [0, 1], which was fitted for
+    the least greatest error, is carried to all octants.
+    """
+    across, along = abs(y), abs(x)
+    z = min(across, along) / max(across, along, 1e-300)
+    q = z * z
+    angle = z * (0.9992138 + q * (-0.3211748 + q * (0.1462641 - q * 0.03898627)))
+    angle = 0.5 * np.pi - angle if across > along else angle
+    angle = np.pi - angle if x < 0.0 else angle
+    return -angle if y < 0.0 else angle
+
+
+@compiled
+def covered(right, width, lidar):
+    """Return the whole blocks of beams within an angle, given by its right side and width [rad].
+
+    They are [first, last), and [0, wrapped) where the angle reaches past a full turn; the angle is
+    widened by what ``direction`` may be off.
+    """
+    begin = right - 2.0 * ANGLE_ERROR - lidar.angle_min
+    begin -= TWO_PI * np.floor(begin / TWO_PI)
+    end = begin + width + 4.0 * ANGLE_ERROR
+    per_radian = lidar.beams_per_radian
+    first = min(int(begin * per_radian), lidar.num_beams)
+    last = min(int(end * per_radian) + 1, lidar.num_beams)
+    wrapped = min(int((end - TWO_PI) * per_radian) + 1, lidar.num_beams) if end >= TWO_PI else 0
+    return first // BLOCK * BLOCK, whole_blocks(last), whole_blocks(wrapped)
+
+
+@compiled
+def whole_blocks(beams):
+    """Return a number of beams rounded up to whole blocks."""
+    return (beams + BLOCK - 1) // BLOCK * BLOCK
 
 
 @compiled(inline=False)
-def cast_grid(x, y, cos, sin, lidar, worlds, w, scan):
+def cast_grid(x, y, cos, sin, lidar, worlds, w, ranges, i):
     """Shorten the beams that meet a solid cell, cast from (x, y) along the lidar's x axis."""
     for k in range(lidar.num_beams):
         ux = cos * lidar.cos[k] - sin * lidar.sin[k]
         uy = sin * lidar.cos[k] + cos * lidar.sin[k]
-        limit = min(float(scan[k]), lidar.range_max)
-        scan[k] = min(scan[k], np.float32(ray_to_grid(x, y, ux, uy, limit, worlds, w)))
+        limit = min(float(ranges[i, k]), lidar.range_max)
+        ranges[i, k] = min(ranges[i, k], np.float32(ray_to_grid(x, y, ux, uy, limit, worlds, w)))
 
 
 @compiled(inline=False)
@@ -190,14 +227,39 @@ def _enter_grid(px, py, ux, uy, width, height):
 
 
 @compiled
-def measure(lidar, ranges, scan, key, count, i):
-    """Turn exact ranges into what the sensor says: noise, then REP-117 at both ends."""
-    if lidar.noise_std > 0.0:
-        for k in range(lidar.num_beams):
-            if ranges[k] <= lidar.range_max:
-                ranges[k] += np.float32(lidar.noise_std * normal(key, count, i))
+def add_noise(lidar, ranges, key, count, i):
+    """Add a normal error to each range up to range_max.
+
+    One draw of 64 random bits picks four of the 65536 equally likely values in ``normal_values``.
+    """
+    std, longest = np.float32(lidar.noise_std), np.float32(lidar.range_max)
+    for k in range(0, lidar.num_beams, 4):
+        word = bits(key, count, i)
+        for j in range(min(4, lidar.num_beams - k)):
+            value = lidar.normal_values[(word >> np.uint64(16 * j)) & np.uint64(0xFFFF)]
+            ranges[i, k + j] += std * value if ranges[i, k + j] <= longest else np.float32(0.0)
+
+
+@compiled
+def read_scan(lidar, ranges, scan, i):
+    """Say by REP-117 what the sensor reads: +inf beyond its range, -inf below it."""
     shortest, longest = np.float32(lidar.range_min), np.float32(lidar.range_max)
-    for k in range(np.uint64(scan.shape[0])):
-        value = ranges[k]
+    for k in range(np.uint64(scan.shape[1])):
+        value = ranges[i, k]
         value = np.float32(np.inf) if value > longest else value
-        scan[k] = np.float32(-np.inf) if value < shortest else value
+        scan[i, k] = np.float32(-np.inf) if value < shortest else value
+
+
+@compiled
+def nearest_in_sectors(scan, nearest, i):
+    """Keep the nearest range of each sector of neighbouring beams.
+
+    Beam by beam, each over all sectors: only so does the compiler make vector instructions of it.
+    """
+    sectors = np.uint64(nearest.shape[1])
+    beams = np.uint64(scan.shape[1]) // sectors
+    for s in range(sectors):
+        nearest[i, s] = scan[i, s * beams]
+    for j in range(np.uint64(1), beams):
+        for s in range(sectors):
+            nearest[i, s] = min(nearest[i, s], scan[i, s * beams + j])

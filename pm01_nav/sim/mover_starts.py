@@ -21,7 +21,7 @@ PLACE_DRAWS = 64
 """Draws of another place for a pedestrian; then the one with most room is taken."""
 
 
-@compiled(allocates=False)
+@compiled(inline=False)
 def place_start(state, i, base, worlds):
     """Start the movers and draw a place for the robot that they do not reach at once.
 
@@ -48,7 +48,7 @@ def place_start(state, i, base, worlds):
     return best_x, best_y
 
 
-@compiled(allocates=False)
+@compiled
 def draw_start(state, i, worlds):
     """Draw a start from those of the present world; return x, y [m]."""
     key, count, w = state.rng_key, state.rng_count, state.world[i]
@@ -58,7 +58,7 @@ def draw_start(state, i, worlds):
     return x, y
 
 
-@compiled(inline=False, allocates=False)
+@compiled(inline=False)
 def start_movers(state, i, worlds):
     """Put the movers of the present world where an episode finds them."""
     m = worlds.mover_begin[state.world[i]]
@@ -86,7 +86,7 @@ def start_movers(state, i, worlds):
         state.mover_velocity[i, k, 0], state.mover_velocity[i, k, 1] = vx, vy
 
 
-@compiled(allocates=False)
+@compiled
 def spare_room(state, i, x, y, radius, worlds):
     """Return how much further than needed the nearest mover is from a start [m]."""
     m = worlds.mover_begin[state.world[i]]
@@ -97,14 +97,14 @@ def spare_room(state, i, x, y, radius, worlds):
     return spare
 
 
-@compiled(allocates=False)
+@compiled
 def gap_to(state, i, k, x, y, radius):
     """Return the distance between mover k and a disc at (x, y) [m]."""
     dx, dy = state.mover_position[i, k, 0] - x, state.mover_position[i, k, 1] - y
     return np.sqrt(dx * dx + dy * dy) - state.mover_radius[i, k] - radius
 
 
-@compiled(inline=False, allocates=False)
+@compiled(inline=False)
 def make_way(state, i, x, y, radius, worlds):
     """Move the pedestrians that stand on the robot at (x, y) to other places with room."""
     m = worlds.mover_begin[state.world[i]]
@@ -128,7 +128,7 @@ def make_way(state, i, x, y, radius, worlds):
         state.mover_velocity[i, k, 0], state.mover_velocity[i, k, 1] = vx, vy
 
 
-@compiled(allocates=False)
+@compiled
 def room_for(state, i, k, place_x, place_y, x, y, radius):
     """Return the room that mover k has at a place, beside a robot at (x, y) and the others [m]."""
     r = state.mover_radius[i, k]

@@ -16,7 +16,7 @@ from pm01_nav.sim.pedestrians import walk
 from pm01_nav.worlds.mover_arrays import BOUNCE, TRACK
 
 
-@compiled(allocates=False)
+@compiled(inline=False)
 def step_movers(state, i, base, worlds, crowd, tables):
     """Move all movers of one environment for a control step; ``tables`` is room to work in.
 
@@ -42,7 +42,7 @@ def step_movers(state, i, base, worlds, crowd, tables):
     return np.sqrt(fastest_squared)
 
 
-@compiled(allocates=False)
+@compiled
 def fly(state, i, k, length, dt, worlds):
     """Move a bouncing mover by ``length`` [m]; its velocity is that from its old to its new place.
 
@@ -57,7 +57,7 @@ def fly(state, i, k, length, dt, worlds):
     state.mover_target[i, k, 0], state.mover_target[i, k, 1] = ux, uy
 
 
-@compiled(allocates=False)
+@compiled
 def follow_track(state, i, k, m, dt, worlds):
     """Move mover k, row m of the pool, along its track; return whether it jumped."""
     x, y = state.mover_position[i, k, 0], state.mover_position[i, k, 1]
@@ -75,7 +75,7 @@ def follow_track(state, i, k, m, dt, worlds):
     return jumped
 
 
-@compiled(allocates=False)
+@compiled
 def on_track(worlds, m, clock):
     """Return where a track is at a time of its round [s], and its velocity: x, y, vx, vy."""
     first, period = worlds.mover_point_begin[m], worlds.mover_period[m]
@@ -91,7 +91,7 @@ def on_track(worlds, m, clock):
     return x + part * dx, y + part * dy, dx * pieces / period, dy * pieces / period
 
 
-@compiled(allocates=False)
+@compiled(inline=False)
 def mover_clearance(x, y, cos, sin, base, state, i, ago):
     """Return the distance from the footprint to the nearest mover [m], 1e9 if there is none.
 
@@ -111,9 +111,9 @@ def mover_clearance(x, y, cos, sin, base, state, i, ago):
     return best
 
 
-@compiled(allocates=False)
-def cast_movers(x, y, cos, sin, lidar, state, i, scan):
-    """Shorten the beams of a scan (see ``cast_scan``) that meet a mover."""
+@compiled(inline=False)
+def cast_movers(x, y, cos, sin, lidar, state, i):
+    """Shorten the beams of environment i (see ``cast_scan``) that meet a mover."""
     x, y = x + cos * lidar.x - sin * lidar.y, y + sin * lidar.x + cos * lidar.y
     cos, sin = (
         cos * lidar.mount_cos - sin * lidar.mount_sin,
@@ -125,4 +125,4 @@ def cast_movers(x, y, cos, sin, lidar, state, i, scan):
         reach = lidar.range_max + r
         if dx * dx + dy * dy <= reach * reach:
             dx, dy = to_base(dx, dy, cos, sin)
-            cast_disc(dx, dy, r, lidar, scan)
+            cast_disc(dx, dy, r, lidar, state.ranges, i)

@@ -18,7 +18,7 @@ PARALLEL = 1e-9
 """Sine of the angle below which two borders never meet."""
 
 
-@compiled(allocates=False)
+@compiled
 def avoidance(px, py, vx, vy, reach, dt):
     """Return how a relative velocity leaves its velocity obstacle the shortest way.
 
@@ -48,7 +48,7 @@ def avoidance(px, py, vx, vy, reach, dt):
     return nx, ny, short
 
 
-@compiled(allocates=False)
+@compiled
 def choose_velocity(planes, row, num_fixed, count, wanted_x, wanted_y, speed_max):
     """Return the permitted velocity that is nearest to the wanted one, at most ``speed_max``.
 
@@ -62,7 +62,7 @@ def choose_velocity(planes, row, num_fixed, count, wanted_x, wanted_y, speed_max
     return vx, vy
 
 
-@compiled(allocates=False)
+@compiled
 def nearest(planes, row, count, wanted_x, wanted_y, speed_max, outward):
     """Solve the linear program in two dimensions.
 
@@ -85,7 +85,7 @@ def nearest(planes, row, count, wanted_x, wanted_y, speed_max, outward):
     return vx, vy, count
 
 
-@compiled(allocates=False)
+@compiled
 def border(planes, row, k, speed_max):
     """Return the part of plane k's border that the speed limit and earlier planes leave.
 
@@ -110,7 +110,7 @@ def border(planes, row, k, speed_max):
     return (1.0 if impossible else low), (0.0 if impossible else high)
 
 
-@compiled(inline=False, allocates=False)
+@compiled(inline=False)
 def least_violation(planes, row, num_fixed, begin, count, vx, vy, speed_max):
     """Return the velocity whose worst violation of the planes after the fixed ones is least.
 

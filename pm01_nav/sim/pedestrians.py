@@ -43,7 +43,7 @@ X, Y, VX, VY, RADIUS, FAST, WANT_X, WANT_Y, WALKS = range(9)
 a pedestrian, 0 for others."""
 
 
-@compiled(allocates=False)
+@compiled
 def begin_leg(state, i, k, worlds):
     """Send a pedestrian to its next waypoint, or to a place drawn from its world."""
     m = worlds.mover_begin[state.world[i]] + k
@@ -61,7 +61,7 @@ def begin_leg(state, i, k, worlds):
     state.mover_clock[i, k] = PATIENCE + PATIENCE_FACTOR * straight
 
 
-@compiled(allocates=False)
+@compiled
 def draw_place(state, i, worlds, x, y):
     """Draw a place in which pedestrians have room; without any, return (x, y)."""
     w = state.world[i]
@@ -72,7 +72,7 @@ def draw_place(state, i, worlds, x, y):
     return worlds.mover_places[row, 0], worlds.mover_places[row, 1]
 
 
-@compiled(allocates=False)
+@compiled
 def wanted_velocity(state, i, k, speed):
     """Return the velocity straight to where a pedestrian walks [m/s]."""
     dx = state.mover_target[i, k, 0] - state.mover_position[i, k, 0]
@@ -121,7 +121,7 @@ def new_tables(most):
     )
 
 
-@compiled(allocates=False)
+@compiled
 def walk(state, i, base, worlds, crowd, tables):
     """Choose the velocities of all pedestrians at once, from where everyone is now."""
     bodies, planes, used = tables.bodies, tables.planes, tables.used
@@ -146,7 +146,7 @@ def walk(state, i, base, worlds, crowd, tables):
             state.mover_velocity[i, k, 0], state.mover_velocity[i, k, 1] = vx, vy
 
 
-@compiled(allocates=False)
+@compiled
 def look_ahead(state, i, k, worlds, crowd, bodies):
     """Write the velocity that a pedestrian would have if it were alone."""
     speed = worlds.mover_speed[worlds.mover_begin[state.world[i]] + k]
@@ -165,14 +165,14 @@ def look_ahead(state, i, k, worlds, crowd, bodies):
     bodies[FAST, k], bodies[WALKS, k] = HASTE * speed, 1.0
 
 
-@compiled(allocates=False)
+@compiled
 def push(bodies, k, ax, ay, dt):
     """Let a pedestrian feel an acceleration [m/s^2] for a control step."""
     bodies[WANT_X, k] += dt * ax
     bodies[WANT_Y, k] += dt * ay
 
 
-@compiled(allocates=False)
+@compiled
 def look_around(state, i, k, base, worlds, crowd, bodies, planes, used):
     """Take account of what stands around a pedestrian, and of the robot."""
     x, y, fast = bodies[X, k], bodies[Y, k], bodies[FAST, k]
@@ -197,7 +197,7 @@ def look_around(state, i, k, base, worlds, crowd, bodies, planes, used):
             push(bodies, k, ax, ay, crowd.dt)
 
 
-@compiled(allocates=False)
+@compiled
 def meet_others(num_movers, crowd, tables):
     """Take account of every two movers that are near each other.
 
@@ -230,7 +230,7 @@ def meet_others(num_movers, crowd, tables):
             push(bodies, pairs[n, 0], -px[n], -py[n], crowd.dt)
 
 
-@compiled(allocates=False)
+@compiled
 def find_pairs(num_movers, tables):
     """Find the pairs of neighbours of which at least one walks; return how many.
 
@@ -258,7 +258,7 @@ def find_pairs(num_movers, tables):
     return count
 
 
-@compiled(allocates=False)
+@compiled
 def keep_apart(bodies, planes, used, k, px, py, reach, dt):
     """Let pedestrian k close half of the gap to another in this step, and no more.
 
@@ -273,7 +273,7 @@ def keep_apart(bodies, planes, used, k, px, py, reach, dt):
     used[k, 0], used[k, 1] = row + 1, last + 1
 
 
-@compiled(allocates=False)
+@compiled
 def add_plane(bodies, planes, used, k, nx, ny, short):
     """Add the half-plane whose border lies ``short`` [m/s] along (nx, ny) from k's velocity.
 
@@ -285,7 +285,7 @@ def add_plane(bodies, planes, used, k, nx, ny, short):
     used[k, 1] = row + int(least > -bodies[FAST, k])
 
 
-@compiled(allocates=False)
+@compiled
 def at_most(vx, vy, speed_max):
     """Return a velocity, shortened to a speed if it is faster [m/s]."""
     squared = vx * vx + vy * vy

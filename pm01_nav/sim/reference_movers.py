@@ -146,7 +146,7 @@ def _nearest_permitted(
 
 
 def reference_repulsion(way: FloatArray, velocity: FloatArray, reach: float) -> FloatArray:
-    """Return the acceleration by the model of Moussaid et al. (2009), on the gap [m/s^2]."""
+    """Return the acceleration [m/s^2] by Moussaid et al. (2009), formulas 2.3 to 2.5."""
     distance = float(np.linalg.norm(way))
     interaction = 2.0 * velocity + way / distance
     scale = 0.35 * float(np.linalg.norm(interaction))

@@ -14,15 +14,20 @@ from pm01_nav.sim.random import stream_keys
 from pm01_nav.sim.state import (
     PEDESTRIAN_MODELS,
     CrowdParams,
+    Features,
     PedestrianModel,
     SimState,
+    Sizes,
     TimeStep,
     base_params,
     lidar_params,
+    new_scratch,
     new_state,
 )
+from pm01_nav.sim.threads import ThreadChoice
 from pm01_nav.worlds.pool import WorldPool
 
+NO_FEATURES = Features()
 FEW = 64
 """Up to this many environments are reset by one thread."""
 MAX_TRAVEL = 0.05
@@ -44,6 +49,7 @@ class PlanarSimulator:
         *,
         control_dt: float = 0.1,
         goal_distance: tuple[float, float] = (0.0, math.inf),
+        features: Features = NO_FEATURES,
         pedestrians: PedestrianModel = "orca",
         pedestrians_avoid_robot: bool = True,
     ) -> None:
@@ -51,15 +57,26 @@ class PlanarSimulator:
 
         ``control_dt`` [s] is the time between commands, ``goal_distance`` [m] the least and the
         greatest straight distance from a start to its goal. ``pedestrians`` is how they avoid each
-        other.
+        other, and the robot too if ``pedestrians_avoid_robot``.
         """
         self.robot = robot
         self.pool = pool
         self.num_envs = num_envs
         self.control_dt = control_dt
-        most_movers = int(np.diff(pool.arrays.mover_begin).max(initial=0))
-        self.state: SimState = new_state(num_envs, robot.lidar.num_beams, most_movers)
+        arrays, beams, trail = pool.arrays, robot.lidar.num_beams, features.trail
+        sizes = Sizes(
+            beams=beams,
+            sectors=features.sectors or beams,
+            movers=int(np.diff(arrays.mover_begin).max(initial=0)),
+            path_cells=int(np.diff(arrays.way_begin).max()) if features.path_distances else 0,
+            trail_capacity=trail.capacity,
+            trail_sectors=trail.sectors,
+        )
+        self.state: SimState = new_state(num_envs, sizes)
+        self._scratch = new_scratch(num_envs, sizes)
+        self._trail = trail
         self._goal_distance = np.array(goal_distance, dtype=np.float64)
+        self._threads = ThreadChoice()
         self._base = base_params(robot)
         self._lidar = lidar_params(robot)
         model = PEDESTRIAN_MODELS[pedestrians]
@@ -73,6 +90,10 @@ class PlanarSimulator:
     def scan(self) -> NDArray[np.float32]:
         """Lidar ranges by REP-117 [m], shape (num_envs, num_beams), beam 0 at angle_min."""
         return self.state.scan
+
+    def limit_goal_distance(self, limits: tuple[float, float]) -> None:
+        """Set the least and the greatest distance from a start to its goal [m] from now on."""
+        self._goal_distance[:] = limits
 
     def seed(self, seeds: ArrayLike) -> None:
         """Begin the random stream of each environment anew; ``seeds`` has shape (num_envs,)."""
@@ -90,11 +111,21 @@ class PlanarSimulator:
             indices = np.arange(self.num_envs)
         self.state.world[indices] = -1 if worlds is None else worlds
         reset = kernels.reset_few if len(indices) <= FEW else kernels.reset_many
-        reset(self.state, indices, self._base, self._lidar, self.pool.arrays, self._goal_distance)
+        reset(
+            self.state,
+            indices,
+            self._base,
+            self._lidar,
+            self.pool.arrays,
+            self._trail,
+            self._goal_distance,
+            self._scratch,
+        )
 
     def step(self, command: NDArray[np.float64]) -> None:
         """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step."""
-        kernels.step_batch(
+        self._threads(
+            kernels.step_batch,
             self.state,
             command,
             self._base,
@@ -102,6 +133,7 @@ class PlanarSimulator:
             self.pool.arrays,
             self._time,
             self._crowd,
+            self._trail,
         )
 
     def movers(self, i: int) -> NDArray[np.float64]:
@@ -118,4 +150,12 @@ class PlanarSimulator:
         self.state.goal[indices] = goals
         self.state.twist[indices] = 0.0
         self.state.contact[indices] = False
-        kernels.observe_batch(self.state, indices, self._base, self._lidar, self.pool.arrays)
+        kernels.observe_batch(
+            self.state,
+            indices,
+            self._base,
+            self._lidar,
+            self.pool.arrays,
+            self._trail,
+            self._scratch,
+        )

@@ -28,7 +28,7 @@ WALL_STRENGTH, WALL_REACH = 3.0, 0.1
 """a [m/s^2] and b [m] of the force of a wall."""
 
 
-@compiled(allocates=False)
+@compiled
 def repulsion(px, py, vx, vy, reach):
     """Return the acceleration ax, ay [m/s^2] that another body causes.
 
@@ -50,7 +50,7 @@ def repulsion(px, py, vx, vy, reach):
     return -back * dx + aside * dy, -back * dy - aside * dx
 
 
-@compiled(allocates=False)
+@compiled
 def turn_of(cosine, sine):
     """Return the angle of a vector (cosine, sine) of any length, to 2e-5 rad.
 
@@ -66,7 +66,7 @@ def turn_of(cosine, sine):
     return angle if sine >= 0.0 else -angle
 
 
-@compiled(allocates=False)
+@compiled
 def decay(x):
     """Return exp(-x) for x >= 0, to 1e-6 of itself up to x = 8 and less exactly beyond.
 
@@ -81,7 +81,7 @@ def decay(x):
     return value
 
 
-@compiled(allocates=False)
+@compiled
 def wall_repulsion(gap):
     """Return the acceleration away from a wall at the distance ``gap`` [m]."""
     return WALL_STRENGTH * decay(max(gap, 0.0) / WALL_REACH)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.robot import RobotSpec
+from pm01_nav.sim.random import normal_values
 
 FloatArray = NDArray[np.float64]
 PedestrianModel = Literal["orca", "social_force"]
@@ -35,6 +36,8 @@ class SimState(NamedTuple):
     """Exact ranges [m], shape (num_envs, num_beams padded to whole blocks): for the kernels."""
     scan: NDArray[np.float32]
     """What the lidar says, by REP-117 [m], shape (num_envs, num_beams); beam 0 at angle_min."""
+    nearest: NDArray[np.float32]
+    """Nearest range of the scan in each sector [m], shape (num_envs, num_sectors)."""
     clearance: FloatArray
     """From the footprint to the nearest obstacle [m], 0 or below in contact, shape (num_envs,)."""
     contact: NDArray[np.bool_]
@@ -55,6 +58,18 @@ class SimState(NamedTuple):
     """Waypoint to which a pedestrian walks, like ``mover_radius``."""
     mover_count: NDArray[np.int64]
     """Movers in the present world, shape (num_envs,)."""
+    path_field: NDArray[np.float32]
+    """Way to the goal from each cell of the world's raster [m], (num_envs, most cells or 0)."""
+    path_distance: FloatArray
+    """Way to the goal from the robot [m], shape (num_envs,); see ``path_distance``."""
+    age: NDArray[np.int64]
+    """Observations of the episode so far, shape (num_envs,)."""
+    trail: FloatArray
+    """Noted places x, y [m], shape (num_envs, capacity or 0, 2)."""
+    trail_length: NDArray[np.int64]
+    """Places noted in the episode, the forgotten ones included, shape (num_envs,)."""
+    visited: NDArray[np.float32]
+    """How much of the trail lies in each sector, 0 to 1, shape (num_envs, trail sectors)."""
     rng_key: NDArray[np.uint64]
     """Which random stream belongs to the environment, shape (num_envs,)."""
     rng_count: NDArray[np.uint64]
@@ -66,29 +81,85 @@ def padded(num_beams: int) -> int:
     return -(-num_beams // BLOCK) * BLOCK
 
 
-def new_state(num_envs: int, num_beams: int, num_movers: int = 0) -> SimState:
-    """Return a state of zeros, with room for ``num_movers`` in each environment."""
+class Sizes(NamedTuple):
+    """How wide the rows of a state are."""
+
+    beams: int
+    sectors: int
+    movers: int = 0
+    path_cells: int = 0
+    trail_capacity: int = 0
+    trail_sectors: int = 0
+
+
+def new_state(num_envs: int, sizes: Sizes) -> SimState:
+    """Return a state of zeros."""
     return SimState(
         pose=np.zeros((num_envs, 3)),
         twist=np.zeros((num_envs, 2)),
         goal=np.zeros((num_envs, 2)),
         goal_polar=np.zeros((num_envs, 2)),
         heading=np.zeros((num_envs, 2)),
-        ranges=np.zeros((num_envs, padded(num_beams)), dtype=np.float32),
-        scan=np.zeros((num_envs, num_beams), dtype=np.float32),
+        ranges=np.zeros((num_envs, padded(sizes.beams)), dtype=np.float32),
+        scan=np.zeros((num_envs, sizes.beams), dtype=np.float32),
+        nearest=np.zeros((num_envs, sizes.sectors), dtype=np.float32),
         clearance=np.zeros(num_envs),
         contact=np.zeros(num_envs, dtype=np.bool_),
         world=np.zeros(num_envs, dtype=np.int64),
-        mover_position=np.zeros((num_envs, num_movers, 2)),
-        mover_velocity=np.zeros((num_envs, num_movers, 2)),
-        mover_radius=np.zeros((num_envs, num_movers)),
-        mover_target=np.zeros((num_envs, num_movers, 2)),
-        mover_clock=np.zeros((num_envs, num_movers)),
-        mover_leg=np.zeros((num_envs, num_movers), dtype=np.int64),
+        mover_position=np.zeros((num_envs, sizes.movers, 2)),
+        mover_velocity=np.zeros((num_envs, sizes.movers, 2)),
+        mover_radius=np.zeros((num_envs, sizes.movers)),
+        mover_target=np.zeros((num_envs, sizes.movers, 2)),
+        mover_clock=np.zeros((num_envs, sizes.movers)),
+        mover_leg=np.zeros((num_envs, sizes.movers), dtype=np.int64),
         mover_count=np.zeros(num_envs, dtype=np.int64),
+        path_field=np.zeros((num_envs, sizes.path_cells), dtype=np.float32),
+        path_distance=np.zeros(num_envs),
+        age=np.zeros(num_envs, dtype=np.int64),
+        trail=np.zeros((num_envs, sizes.trail_capacity, 2)),
+        trail_length=np.zeros(num_envs, dtype=np.int64),
+        visited=np.zeros((num_envs, sizes.trail_sectors), dtype=np.float32),
         rng_key=np.zeros(num_envs, dtype=np.uint64),
         rng_count=np.zeros(num_envs, dtype=np.uint64),
     )
+
+
+class Scratch(NamedTuple):
+    """Room for work within one call; nothing in it is worth keeping."""
+
+    queue: NDArray[np.int32]
+    """Cells whose neighbours may have become nearer, shape (num_envs, path cells)."""
+    queued: NDArray[np.bool_]
+    """Whether a cell stands in the queue, same shape."""
+
+
+def new_scratch(num_envs: int, sizes: Sizes) -> Scratch:
+    """Return room for ``num_envs`` environments."""
+    shape = (num_envs, sizes.path_cells)
+    return Scratch(np.zeros(shape, dtype=np.int32), np.zeros(shape, dtype=np.bool_))
+
+
+class TrailParams(NamedTuple):
+    """The trail as the kernels read it; see ``task.trail.TrailLayout``."""
+
+    sectors: int = 0
+    """0 keeps no trail."""
+    interval_steps: int = 1
+    capacity: int = 0
+    reach: float = 1.0
+    near: float = 1.0
+
+
+class Features(NamedTuple):
+    """What is computed in each step because a task asks for it."""
+
+    sectors: int = 0
+    """Equal parts of the scan, which must divide it, in each of which the nearest range is kept; 0
+    makes every beam a part."""
+    trail: TrailParams = TrailParams()
+    """How each robot's way so far is remembered."""
+    path_distances: bool = False
+    """Whether the length of the way to the goal is known; else it is the straight distance."""
 
 
 class BaseParams(NamedTuple):
@@ -115,7 +186,7 @@ class LidarParams(NamedTuple):
     sin: FloatArray
     num_beams: int
     angle_min: float
-    angle_increment: float
+    beams_per_radian: float
     range_min: float
     range_max: float
     x: float
@@ -123,6 +194,8 @@ class LidarParams(NamedTuple):
     mount_cos: float
     mount_sin: float
     noise_std: float
+    normal_values: NDArray[np.float32]
+    """Equally likely values of N(0, 1), shape (65536,)."""
 
 
 class TimeStep(NamedTuple):
@@ -176,7 +249,7 @@ def lidar_params(robot: RobotSpec) -> LidarParams:
         sin=np.sin(angles),
         num_beams=lidar.num_beams,
         angle_min=lidar.angle_min,
-        angle_increment=lidar.angle_increment,
+        beams_per_radian=1.0 / max(lidar.angle_increment, 1e-9),
         range_min=lidar.range_min,
         range_max=lidar.range_max,
         x=lidar.x,
@@ -184,4 +257,5 @@ def lidar_params(robot: RobotSpec) -> LidarParams:
         mount_cos=float(np.cos(lidar.yaw)),
         mount_sin=float(np.sin(lidar.yaw)),
         noise_std=lidar.noise_std,
+        normal_values=normal_values(),
     )

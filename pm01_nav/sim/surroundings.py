@@ -14,7 +14,7 @@ OCTANT = np.sqrt(2.0) - 1.0
 """Tangent of 22.5 degrees."""
 
 
-@compiled(allocates=False)
+@compiled
 def find_walls(x, y, r, far, worlds, w, walls, row):
     """Find what stands within ``far`` [m] of a place (x, y); return how much was written.
 
@@ -43,7 +43,7 @@ def find_walls(x, y, r, far, worlds, w, walls, row):
     return count
 
 
-@compiled(allocates=False)
+@compiled
 def add_wall(walls, row, count, dx, dy, r):
     """Add what lies at (-dx, -dy); of too many the farthest is left out. Return how many."""
     distance = max(np.sqrt(dx * dx + dy * dy), 1e-9)
@@ -60,7 +60,7 @@ def add_wall(walls, row, count, dx, dy, r):
     return min(count + 1, MAX_WALLS)
 
 
-@compiled(inline=False, allocates=False)
+@compiled(inline=False)
 def find_cells(x, y, r, far, worlds, w, walls, row, count):
     """Add the nearest solid point in each eighth of the circle around (x, y).
 
@@ -96,7 +96,7 @@ def find_cells(x, y, r, far, worlds, w, walls, row, count):
     return count
 
 
-@compiled(allocates=False)
+@compiled
 def octant(dx, dy):
     """Return which eighth of the circle a vector is in; the first is centred on the x axis."""
     if abs(dy) <= OCTANT * abs(dx):

@@ -8,6 +8,7 @@ import numpy as np
 from pm01_nav.robot import load_robot
 from pm01_nav.sim.simulator import FEW, PlanarSimulator
 from pm01_nav.worlds.free_space import shortest_path_length
+from pm01_nav.worlds.global_plan import GlobalPlan, inflate, plan_path
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
 
@@ -26,7 +27,10 @@ def warm_up() -> None:
     simulator.step(np.zeros((num_envs, 2)))
     everyone = np.arange(num_envs)
     simulator.place(everyone, simulator.state.pose.copy(), simulator.state.goal.copy())
-    shortest_path_length(pool.free_space(0), (0.3, 1.5), (2.7, 1.5))
+    space, start, goal = pool.free_space(0), (0.3, 1.5), (2.7, 1.5)
+    shortest_path_length(space, start, goal)
+    costmap = inflate(space, pool.radius)
+    GlobalPlan(costmap, plan_path(costmap, start, goal)).look_ahead(start, 1.0)
 
 
 if __name__ == "__main__":

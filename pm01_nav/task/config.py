@@ -15,6 +15,7 @@ from pm01_nav.sim.state import PedestrianModel
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.observation import ObservationLayout, ScanGeometry
 from pm01_nav.task.rewards import REWARDS
+from pm01_nav.task.trail import TrailLayout
 
 
 class ObservationConfig(FrozenModel):
@@ -24,6 +25,8 @@ class ObservationConfig(FrozenModel):
     nearness_distance: NonNegative = 0.3
     goal: Literal["polar", "polar_sin_cos"] = "polar_sin_cos"
     previous_action: bool = True
+    trail: TrailLayout | None = None
+    """How the places where the robot has been are shown; None does not show them."""
     goal_distance_max: Positive = 10.0
     range_max: Positive | None = None
     """Show ranges up to this only [m]; None shows the lidar's whole range."""
@@ -44,7 +47,7 @@ class TaskConfig(FrozenModel):
     suite: str
     """Where the worlds come from: a generator's name, ``map`` or ``barn``."""
     map: str | None = None
-    """The ROS map to drive in (its .yaml file), for the suite ``map``."""
+    """The world to drive in, for the suite ``map``: a ROS map's .yaml, our YAML, or SDF."""
     worlds: str | None = None
     """The folder of the BARN dataset, for the suite ``barn``."""
     num_worlds: Annotated[int, Field(ge=1, le=65536)] = 1024
@@ -127,6 +130,7 @@ def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayou
         nearness_distance=seen.nearness_distance,
         goal=seen.goal,
         previous_action=seen.previous_action,
+        trail=seen.trail,
         goal_distance_max=seen.goal_distance_max,
         normalize=seen.normalize,
     )

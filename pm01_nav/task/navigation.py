@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.errors import InputError
 from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
-from pm01_nav.task.observation import build_observation
+from pm01_nav.task.observation import ObservationLayout, build_observation
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.step import Step
 from pm01_nav.task.terminations import judge, out_of_time
@@ -27,6 +28,8 @@ class Episodes:
 
     indices: NDArray[np.int64]
     """Which environments, shape (n,)."""
+    world: NDArray[np.int64]
+    """The world of each in the pool, shape (n,)."""
     success: NDArray[np.bool_]
     collision: NDArray[np.bool_]
     steps: NDArray[np.int64]
@@ -52,6 +55,15 @@ class BatchStep:
     """Those that ended, if any."""
 
 
+def _features(config: TaskConfig, layout: ObservationLayout) -> Features:
+    """Return what observations and rewards need from the simulator."""
+    return Features(
+        sectors=layout.sectors,
+        trail=TrailParams(**asdict(layout.trail)) if layout.trail else TrailParams(),
+        path_distances="path_progress" in config.rewards,
+    )
+
+
 class NavigationBatch:
     """Many robots on the same task; a finished episode is followed by a new one at once."""
 
@@ -73,9 +85,12 @@ class NavigationBatch:
             num_envs,
             control_dt=config.control_dt,
             goal_distance=config.goal_distance_limits(),
+            features=_features(config, self.layout),
             pedestrians=config.pedestrians,
             pedestrians_avoid_robot=config.pedestrians_avoid_robot,
         )
+        # Attributes of pydantic models are slow to read.
+        self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
         self._scale = np.array(self.layout.scale, dtype=np.float32)
         self._count = np.zeros(num_envs, dtype=np.int64)
         self._action = np.zeros((num_envs, 2))
@@ -98,10 +113,11 @@ class NavigationBatch:
         sim = self.simulator
         observation = build_observation(
             self.layout,
-            sim.scan[indices],
+            sim.state.nearest[indices],
             sim.state.goal_polar[indices],
             sim.state.twist[indices],
             self._action[indices],
+            sim.state.visited[indices],
         )
         if self.layout.normalize:
             observation /= self._scale
@@ -110,7 +126,7 @@ class NavigationBatch:
     def advance(self, command: NDArray[np.float64]) -> Step:
         """Apply commands (num_envs, 2) [m/s, rad/s] and judge the outcome; nothing is reset."""
         state = self.simulator.state
-        before = state.goal_polar[:, 0].copy()
+        before, path_before = state.goal_polar[:, 0].copy(), state.path_distance.copy()
         self.simulator.step(command)
         self._count += 1
         step = Step(
@@ -124,6 +140,8 @@ class NavigationBatch:
             goal_distance=state.goal_polar[:, 0],
             goal_bearing=state.goal_polar[:, 1],
             previous_goal_distance=before,
+            path_distance=state.path_distance,
+            previous_path_distance=path_before,
             count=self._count,
         )
         step.reached, step.collided = judge(step, self.config)
@@ -141,8 +159,8 @@ class NavigationBatch:
         step = self.advance(self.layout.limits.to_command(action))
         step.action, step.previous_action = action, self._action
         terms = np.empty_like(self._term_sums)
-        for row, (name, term) in zip(terms, self.config.rewards.items(), strict=True):
-            np.multiply(term.weight, REWARDS[name](step, **term.params), out=row)
+        for row, (function, weight, params) in zip(terms, self._rewards, strict=True):
+            np.multiply(weight, function(step, **params), out=row)
         self._term_sums += terms
         self._action = action
         terminated = step.reached | step.collided
@@ -167,6 +185,7 @@ class NavigationBatch:
     ) -> Episodes:
         return Episodes(
             indices=done,
+            world=self.simulator.state.world[done],
             success=step.reached[done],
             collision=step.collided[done],
             steps=self._count[done],

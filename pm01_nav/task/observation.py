@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 from pm01_nav.errors import InputError
 from pm01_nav.task.action import ActionLimits
+from pm01_nav.task.trail import TrailLayout
 
 
 class Part(NamedTuple):
@@ -66,6 +68,8 @@ class ObservationLayout:
     """Whether the last action (in [-1, 1]) is part of the observation."""
     goal_distance_max: float = 10.0
     """A goal further away than this [m] is shown at this distance."""
+    trail: TrailLayout | None = None
+    """How the places where the robot has been are shown; None does not show them."""
     normalize: bool = True
     """Whether environments divide each part by its scale; exported policies do so themselves."""
 
@@ -80,7 +84,7 @@ class ObservationLayout:
                 f"sectors = {self.sectors}: must divide the number of beams, {self.scan.num_beams}"
             )
 
-    @property
+    @cached_property
     def parts(self) -> tuple[Part, ...]:
         """The observation's parts in order."""
         size = self.sectors or self.scan.num_beams
@@ -102,9 +106,11 @@ class ObservationLayout:
         parts.append(Part("angular_velocity", 1, -limits.angular_max, limits.angular_max, "rad/s"))
         if self.previous_action:
             parts.append(Part("previous_action", 2, -1.0, 1.0, "1"))
+        if self.trail is not None:
+            parts.append(Part("visited", self.trail.sectors, 0.0, 1.0, "1"))
         return tuple(parts)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """How many numbers an observation has."""
         return sum(part.size for part in self.parts)
@@ -137,7 +143,9 @@ class ObservationLayout:
         """
         try:
             known = {f.name for f in fields(cls)}
-            rest = {k: v for k, v in data.items() if k not in ("scan", "limits")}
+            rest = {k: v for k, v in data.items() if k not in ("scan", "limits", "trail")}
+            if data.get("trail") is not None:
+                rest["trail"] = TrailLayout(**data["trail"])
             if unknown := sorted(set(rest) - known):
                 raise InputError(f"observation.{unknown[0]}: unknown key")
             return cls(ScanGeometry(**data["scan"]), ActionLimits(**data["limits"]), **rest)
@@ -157,42 +165,52 @@ def discard_invalid(scan: Any, geometry: ScanGeometry) -> Any:
 
 
 def pool_sectors(ranges: Any, sectors: int) -> Any:
-    """Return the nearest range in each of ``sectors`` equal sectors, shape (..., sectors)."""
+    """Return the nearest range in each of ``sectors`` equal sectors, shape (..., sectors).
+
+    With 0 sectors every beam is one. Environments have this from the simulator.
+    """
+    if sectors == 0:
+        return ranges
     xp = ranges.__array_namespace__()
     grouped = xp.reshape(ranges, (*ranges.shape[:-1], sectors, ranges.shape[-1] // sectors))
-    # Beam by beam, each over all sectors: many times faster than a minimum over a short last axis.
-    nearest = grouped[..., 0]
-    for beam in range(1, grouped.shape[-1]):
-        nearest = xp.minimum(nearest, grouped[..., beam])
-    return nearest
+    return xp.min(grouped, axis=-1)
 
 
 def build_observation(
-    layout: ObservationLayout, scan: Any, goal: Any, velocity: Any, previous_action: Any
+    layout: ObservationLayout,
+    nearest: Any,
+    goal: Any,
+    velocity: Any,
+    previous_action: Any,
+    visited: Any = None,
 ) -> Any:
     """Build observations in physical units, shape (..., layout.size), float32.
 
-    ``scan`` (..., num_beams) by REP-117 with nothing invalid in it [m], ``goal`` (..., 2) distance
-    and bearing [m, rad], ``velocity`` (..., 2) v and w [m/s, rad/s], ``previous_action`` (..., 2)
-    in [-1, 1]. No return shows as range_max, and too close as range_min.
+    ``nearest`` (..., sectors or num_beams) is the nearest range of each sector, by REP-117 with
+    nothing invalid in it [m], ``goal`` (..., 2) distance and bearing [m, rad], ``velocity``
+    (..., 2) v and w [m/s, rad/s], ``previous_action`` (..., 2) in [-1, 1], ``visited`` (...,
+    trail.sectors) 0 to 1 if the layout has a trail. No return shows as range_max, and too close
+    as range_min.
     """
-    xp = scan.__array_namespace__()
-    ranges = pool_sectors(scan, layout.sectors) if layout.sectors else scan
-    ranges = _clip(xp, ranges, layout.scan.range_min, layout.scan.range_max)
+    xp = nearest.__array_namespace__()
+    ranges = _clip(xp, nearest, layout.scan.range_min, layout.scan.range_max)
     if layout.nearness_distance > 0.0:
         distance = layout.nearness_distance
         ranges = (distance - ranges) / (distance + ranges)
     limits = layout.limits
-    parts = [ranges, xp.minimum(goal[..., :1], xp.asarray(layout.goal_distance_max))]
+    parts = [ranges, xp.minimum(goal[..., :1], layout.goal_distance_max)]
     if layout.goal == "polar":
         parts.append(goal[..., 1:])
     else:
         parts += [xp.sin(goal[..., 1:]), xp.cos(goal[..., 1:])]
-    parts.append(_clip(xp, velocity[..., :1], limits.linear_min, limits.linear_max))
-    parts.append(_clip(xp, velocity[..., 1:], -limits.angular_max, limits.angular_max))
+    low = xp.asarray([limits.linear_min, -limits.angular_max], dtype=velocity.dtype)
+    high = xp.asarray([limits.linear_max, limits.angular_max], dtype=velocity.dtype)
+    parts.append(_clip(xp, velocity, low, high))
     if layout.previous_action:
         parts.append(previous_action)
-    observation = xp.empty((*scan.shape[:-1], layout.size), dtype=xp.float32)
+    if layout.trail is not None:
+        parts.append(visited)
+    observation = xp.empty((*nearest.shape[:-1], layout.size), dtype=xp.float32)
     begin = 0
     for part in parts:
         end = begin + part.shape[-1]
@@ -201,6 +219,6 @@ def build_observation(
     return observation
 
 
-def _clip(xp: Any, values: Any, low: float, high: float) -> Any:
+def _clip(xp: Any, values: Any, low: Any, high: Any) -> Any:
     # Two plain calls: numpy's clip costs more than the rest of a small observation together.
-    return xp.minimum(xp.maximum(values, xp.asarray(low, dtype=values.dtype)), high)
+    return xp.minimum(xp.maximum(values, low), high)

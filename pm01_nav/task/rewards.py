@@ -42,6 +42,12 @@ def progress(step: Step) -> Any:
 
 
 @reward_term
+def path_progress(step: Step) -> Any:
+    """Decrease of the length of the way to the goal [m]: it leads out of dead ends."""
+    return step.previous_path_distance - step.path_distance
+
+
+@reward_term
 def time(step: Step) -> Any:
     """1 in every step."""
     return step.xp.ones_like(step.goal_distance)

@@ -32,6 +32,10 @@ class Step:
     """Direction of the goal in base_link [rad], shape (num_envs,)."""
     previous_goal_distance: Any
     """Goal distance before the step [m], shape (num_envs,)."""
+    path_distance: Any
+    """Length of the way to the goal, where rewards ask for it [m], shape (num_envs,)."""
+    previous_path_distance: Any
+    """The same before the step [m], shape (num_envs,)."""
     count: Any
     """Steps of the episode so far, this one included, shape (num_envs,)."""
     action: Any = None

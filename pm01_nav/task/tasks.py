@@ -92,6 +92,49 @@ def empty() -> TaskConfig:
 
 
 @task
+def corridors() -> TaskConfig:
+    """Corridors between solid blocks, with dead ends and things left standing."""
+    return navigation("corridors")
+
+
+@task
+def rooms() -> TaskConfig:
+    """A flat or an office: rooms with doors and furniture, some along a hall."""
+    return navigation("rooms")
+
+
+@task
+def maze() -> TaskConfig:
+    """A maze with passages 0.85 to 1.6 m wide; the way is often several times the distance."""
+    # In 500 steps at 0.5 m/s one drives 25 m; of 3500 shortest ways 1 % were above 28 m.
+    return navigation("maze", time_limit_steps=1000)
+
+
+@task
+def u_traps() -> TaskConfig:
+    """Dead ends between start and goal that must be left or gone around."""
+    return navigation("u_traps")
+
+
+@task
+def crowd() -> TaskConfig:
+    """A lightly furnished room with about ten pedestrians."""
+    return navigation("crowd")
+
+
+@task
+def warehouse() -> TaskConfig:
+    """Rows of shelves with moving carts and a few workers."""
+    return navigation("warehouse")
+
+
+@task
+def mixed() -> TaskConfig:
+    """Worlds of the suites from static to warehouse, drawn by fixed weights."""
+    return navigation("mixed", time_limit_steps=1000)
+
+
+@task
 def map() -> TaskConfig:
     """One's own ROS map (``--map FILE.yaml``); random start, heading and goal."""
     return navigation("map", num_worlds=1, goal_distance=(1.0, 10.0))

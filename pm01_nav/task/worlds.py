@@ -8,8 +8,9 @@ from typing import Literal
 from pm01_nav.errors import InputError
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.worlds.barn import load_barn
-from pm01_nav.worlds.pool import WorldPool, build_pool, generate_pool
-from pm01_nav.worlds.ros_map import read_ros_map
+from pm01_nav.worlds.files import read_world
+from pm01_nav.worlds.pool import WorldPool, build_pool
+from pm01_nav.worlds.pool_cache import suite_pool
 from pm01_nav.worlds.suites import SUITES
 
 Split = Literal["train", "held_out"]
@@ -29,14 +30,14 @@ def world_pool(config: TaskConfig, split: Split, count: int, seed: int = 0) -> W
     """
     radius = config.robot_spec().footprint.circumscribed_radius + config.margin
     if config.suite == "map":
-        return build_pool([read_ros_map(_required(config.map, "map"))], radius)
+        return build_pool([read_world(_required(config.map, "map"))], radius)
     if config.suite == "barn":
         inscribed = config.robot_spec().footprint.inscribed_radius
         return build_pool(load_barn(_required(config.worlds, "worlds")).worlds, inscribed)
     if config.suite not in SUITES:
         allowed = ", ".join(sorted([*SUITES, *FILE_SUITES]))
         raise InputError(f"suite = {config.suite!r}: unknown; allowed: {allowed}")
-    return generate_pool(SUITES[config.suite], world_seeds(split, count, seed), radius)
+    return suite_pool(config.suite, world_seeds(split, count, seed), radius)
 
 
 def world_seeds(split: Split, count: int, seed: int) -> range:

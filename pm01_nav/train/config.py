@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from pm01_nav.config import FrozenModel
 from pm01_nav.robot import NonNegative, Positive
 from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.curriculum import AutomaticConfig, CurriculumName, StagedConfig
 
 Count = Annotated[int, Field(ge=1)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -51,12 +52,18 @@ class TrainConfig(FrozenModel):
     """Seconds from the start of the command; whichever of the two comes first ends the run."""
     eval_every: Count = 1_000_000
     """Steps between two evaluations on held-out worlds."""
-    eval_episodes: Count = 256
+    eval_episodes: Count = 512
     checkpoint_every: Positive = 10.0
     """Seconds between two checkpoints."""
     threads: Annotated[int, Field(ge=0)] = 0
     """Threads of the learner; 0 measures at the start which number is fastest."""
     ppo: PPOConfig = PPOConfig()
+    curriculum: CurriculumName = "none"
+    """How the worlds of the training episodes are chosen."""
+    staged: StagedConfig = StagedConfig()
+    """For ``curriculum: staged``."""
+    automatic: AutomaticConfig = AutomaticConfig()
+    """For ``curriculum: automatic``."""
 
     @model_validator(mode="after")
     def _ends(self) -> TrainConfig:

@@ -30,8 +30,13 @@ class History:
         endings = zip(episodes.success.tolist(), episodes.collision.tolist(), strict=True)
         self._recent.extend(endings)
 
-    def end_iteration(self, seconds: float, steps: int) -> dict[str, float]:
-        """Close an iteration and return its row; rates are over the last ``WINDOW`` episodes."""
+    def end_iteration(
+        self, seconds: float, steps: int, curriculum: dict[str, float]
+    ) -> dict[str, float]:
+        """Close an iteration and return its row; rates are over the last ``WINDOW`` episodes.
+
+        The metrics of a ``curriculum`` are put down as ``curriculum/<name>``.
+        """
         row: dict[str, float] = {"seconds": seconds, "steps": float(steps)}
         recent = np.array(self._recent, dtype=np.float64).reshape(-1, 2)
         if len(recent):
@@ -44,6 +49,7 @@ class History:
         else:
             row |= dict.fromkeys(("success_rate", "collision_rate", "timeout_rate"), float("nan"))
         row |= self._episode_means()
+        row |= {f"curriculum/{name}": value for name, value in curriculum.items()}
         self._episodes.clear()
         for name, value in row.items():
             self.columns.setdefault(name, []).append(value)

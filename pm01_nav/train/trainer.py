@@ -24,6 +24,7 @@ from pm01_nav.policy.export import export_policy, greedy_policy, policy_metadata
 from pm01_nav.provenance import provenance
 from pm01_nav.sim.warm_up import warm_up
 from pm01_nav.task.config import observation_layout
+from pm01_nav.task.curriculum import Curriculum, apply, make_curriculum
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.train.checkpoint import load_checkpoint, restore, save_checkpoint
@@ -31,7 +32,7 @@ from pm01_nav.train.config import RunConfig
 from pm01_nav.train.history import History
 from pm01_nav.train.ppo import make_policy, make_ppo
 from pm01_nav.train.run_folder import RunFolder
-from pm01_nav.train.runtime import choose_threads, keep_freed_memory
+from pm01_nav.train.runtime import ThreadChoice, choose_threads, keep_freed_memory
 
 COMPILED_WITHIN_S = 3.0
 """Loading compiled kernels takes less than this."""
@@ -92,12 +93,14 @@ class Supervision(BaseCallback):
         config: RunConfig,
         folder: RunFolder,
         batch: NavigationBatch,
+        curriculum: Curriculum,
         budget: Budget,
         progress: Progress,
     ) -> None:
         """Watch over one run."""
         super().__init__()
-        self.config, self.folder, self.batch = config, folder, batch
+        self.config, self.folder = config, folder
+        self.batch, self.curriculum = batch, curriculum
         self.budget, self.progress = budget, progress
         self.history = History()
         self.best = {"success_rate": -1.0, "steps": 0, "spl": 0.0}
@@ -118,6 +121,7 @@ class Supervision(BaseCallback):
         episodes = self.training_env.last_episodes
         if self._finished:
             return False
+        self.curriculum.update(episodes)
         if episodes is not None:
             self.history.add_episodes(episodes)
         return True
@@ -144,7 +148,9 @@ class Supervision(BaseCallback):
         assert self._iteration_at is not None
         duration = time.perf_counter() - self._iteration_at
         rate = self.config.train.ppo.n_envs * self.config.train.ppo.n_steps / duration
-        row = self.history.end_iteration(self.budget.seconds, self.num_timesteps)
+        metrics = self.curriculum.metrics()
+        row = self.history.end_iteration(self.budget.seconds, self.num_timesteps, metrics)
+        apply(self.curriculum, self.batch)
         for name, value in row.items():
             self.logger.record(name if "/" in name else f"train_episodes/{name}", value)
         self.logger.record("time/steps_per_second", rate)
@@ -155,7 +161,7 @@ class Supervision(BaseCallback):
         if self._evaluator is None:
             episodes = self.config.train.eval_episodes
             self._evaluator = Evaluator(self.config.task, episodes, EVALUATION_SEED)
-        policy = greedy_policy(self._learner.policy, self.batch.layout)
+        policy = greedy_policy(self._learner.policy, self.batch.layout, self.config.task.control_dt)
         summary = self._evaluator.summary(policy)
         self.history.add_evaluation(self.budget.seconds, summary)
         for name in ("success_rate", "collision_rate", "timeout_rate", "spl"):
@@ -176,16 +182,39 @@ class Supervision(BaseCallback):
         """Return what a checkpoint must know beyond learner and environments."""
         return {
             "history": self.history.state_dict(),
+            "curriculum": self.curriculum.state_dict(),
             "best": self.best,
             "next_evaluation": self._next_evaluation,
             "seconds": self.budget.seconds,
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Go on from ``state``."""
+        """Go on from ``state``.
+
+        Raises:
+            InputError: the curriculum was another one.
+        """
         self.history.load_state_dict(state["history"])
+        try:
+            self.curriculum.load_state_dict(state.get("curriculum", {}))
+        except ValueError as error:
+            raise InputError(
+                f"train.curriculum = {self.config.train.curriculum!r}: {self.folder.path} was "
+                f"made with another: {error}"
+            ) from error
+        apply(self.curriculum, self.batch)
         self.best = state["best"]
         self._next_evaluation = state["next_evaluation"]
+
+    def result(self) -> TrainResult:
+        """Return how the run ended."""
+        return TrainResult(
+            steps=self.budget.steps_done,
+            seconds=self.budget.seconds,
+            interrupted=self.interrupted.is_set(),
+            best_success_rate=self.best["success_rate"],
+            best_steps=int(self.best["steps"]),
+        )
 
     def _write(self, path: Any) -> None:
         save_checkpoint(path, self._learner, self.batch, self.state())
@@ -213,50 +242,78 @@ def train(
         folder.check_free(force=force)
     data = load_checkpoint(folder.last) if resume else None
     compiled = _compile()
-    task = config.task
-    if task.suite == "barn":
-        raise InputError("task barn is for testing only; train on barn_like")
-    pool = world_pool(task, "train", task.num_worlds, config.train.seed)
-    batch = NavigationBatch(task, pool, config.train.ppo.n_envs)
+    batch, curriculum = _environments(config)
     # Only now that nothing can be wrong any more a former run may be replaced.
     if resume:
         folder.store(config)
     else:
         folder.create(config, force=force)
-    threads = choose_threads(
-        config.train.threads, config.train.ppo.batch_size, config.train.ppo.net_arch
-    )
-    env = NavVecEnv(batch, seed=config.train.seed << 32, reward_scale=config.train.ppo.reward_scale)
+    ppo = config.train.ppo
+    threads = choose_threads(config.train.threads, ppo.batch_size, ppo.net_arch)
     budget = Budget(config, started_at + compiled, data["extra"]["seconds"] if data else 0.0)
-    model = make_ppo(
-        config.train.ppo, env, batch.layout, seed=config.train.seed, progress=budget.fraction
-    )
-    model.set_logger(_logger(folder))
-    supervision = Supervision(config, folder, batch, budget, progress)
+    supervision = Supervision(config, folder, batch, curriculum, budget, progress)
+    model = _learner(config, folder, batch, budget)
     if data is not None:
-        env.reset()
-        restore(data, folder.last, model, batch)
-        supervision.load_state(data["extra"])
-        budget.steps_done = model.num_timesteps
-        if budget.fraction() >= 1.0:
-            raise InputError(
-                f"{folder.path}: is finished ({budget.steps_done:,} steps, "
-                f"{budget.seconds:.0f} s); to go on give --steps or --time-budget, counted from "
-                "the run's beginning"
-            )
-    if compiled:
-        progress.started(f"compiled the simulator in {compiled:.0f} s, once; not counted")
-    progress.started(f"learner threads: {threads.threads} ({threads.reason})")
+        _go_on(data, model, supervision)
+    _announce(progress, compiled, threads)
     with _stop_on_interrupt(supervision.interrupted.set):
         model.learn(2**62, callback=supervision, reset_num_timesteps=data is None)
     export_best(folder, config)
-    return TrainResult(
-        steps=budget.steps_done,
-        seconds=budget.seconds,
-        interrupted=supervision.interrupted.is_set(),
-        best_success_rate=supervision.best["success_rate"],
-        best_steps=int(supervision.best["steps"]),
-    )
+    return supervision.result()
+
+
+def _environments(config: RunConfig) -> tuple[NavigationBatch, Curriculum]:
+    """Make the robots in their worlds, and what chooses among these.
+
+    Raises:
+        InputError: worlds or robot are unusable, or the curriculum does not fit the worlds.
+    """
+    task = config.task
+    if task.suite == "barn":
+        raise InputError("task barn is for testing only; train on barn_like")
+    pool = world_pool(task, "train", task.num_worlds, config.train.seed)
+    batch = NavigationBatch(task, pool, config.train.ppo.n_envs)
+    names = [world.name for world in pool.worlds]
+    settings = config.train
+    curriculum = make_curriculum(settings.curriculum, settings.staged, settings.automatic, names)
+    apply(curriculum, batch)
+    return batch, curriculum
+
+
+def _learner(config: RunConfig, folder: RunFolder, batch: NavigationBatch, budget: Budget) -> PPO:
+    """Build the learner on its environments."""
+    seed, ppo = config.train.seed, config.train.ppo
+    env = NavVecEnv(batch, seed=seed << 32, reward_scale=ppo.reward_scale)
+    model = make_ppo(ppo, env, batch.layout, seed=seed, progress=budget.fraction)
+    model.set_logger(_logger(folder))
+    return model
+
+
+def _announce(progress: Progress, compiled: float, threads: ThreadChoice) -> None:
+    """Say how the run was set up; ``compiled`` is how long that took [s]."""
+    if compiled:
+        progress.started(f"compiled the simulator in {compiled:.0f} s, once; not counted")
+    progress.started(f"learner threads: {threads.threads} ({threads.reason})")
+
+
+def _go_on(data: dict[str, Any], model: PPO, supervision: Supervision) -> None:
+    """Bring a fresh run to where a checkpoint was taken.
+
+    Raises:
+        InputError: the checkpoint belongs to another run, or the run's budget is spent.
+    """
+    folder, budget = supervision.folder, supervision.budget
+    assert model.env is not None
+    model.env.reset()
+    restore(data, folder.last, model, supervision.batch)
+    supervision.load_state(data["extra"])
+    budget.steps_done = model.num_timesteps
+    if budget.fraction() >= 1.0:
+        raise InputError(
+            f"{folder.path}: is finished ({budget.steps_done:,} steps, "
+            f"{budget.seconds:.0f} s); to go on give --steps or --time-budget, counted from "
+            "the run's beginning"
+        )
 
 
 def export_best(folder: RunFolder, config: RunConfig, path: Any = None) -> None:

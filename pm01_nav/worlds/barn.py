@@ -18,12 +18,12 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from defusedxml.ElementTree import ParseError, fromstring
 from numpy.typing import NDArray
 
 from pm01_nav.compilation import cache_folder
 from pm01_nav.config import write_atomically
 from pm01_nav.errors import InputError
+from pm01_nav.worlds.documents import parse_xml
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -112,7 +112,7 @@ def read_barn_world(path: str | Path) -> World:
     index = _index(path)
     if index is None:
         raise InputError(f"{path}: must be named world_<i>.world")
-    world = _parse(path).find("world")
+    world = parse_xml(path).find("world")
     if world is None:
         raise InputError(f"{path}: must hold <world> inside <sdf>")
     # <state> repeats the poses of the models and is not read.
@@ -159,22 +159,6 @@ def _files_by_index(folder: Path, pattern: str) -> dict[int, Path]:
         if index is not None:
             found[index] = path
     return dict(sorted(found.items()))
-
-
-def _parse(path: Path) -> Element:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: must be UTF-8 text") from error
-    # A document type can define entities that expand to gigabytes; no world needs one.
-    if "<!doctype" in text.lower():
-        raise InputError(f"{path}: must not hold a DOCTYPE")
-    try:
-        return fromstring(text)  # Being text, it can declare no other encoding.
-    except ParseError as error:
-        raise InputError(f"{path}: is not a whole XML file: {error}") from error
 
 
 def _cylinders(model: Element, path: Path) -> Iterable[tuple[float, float, float]]:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import heapq
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pm01_nav.compilation import compiled
-from pm01_nav.geometry import points_in_polygon
+from pm01_nav.worlds.grid_search import cheapest_path, line_is_free, pull_taut
 from pm01_nav.worlds.world import OccupancyGrid, World
 
 FloatArray = NDArray[np.float64]
@@ -44,11 +43,60 @@ class FreeSpace:
             return row, column
         return None
 
+    def coarsened(self, factor: int) -> FreeSpace:
+        """Return a raster of cells ``factor`` times as large, free where any of theirs is.
+
+        A border of closed cells surrounds it.
+        """
+        height, width = (-(-n // factor) for n in self.free.shape)
+        padded = np.zeros((height * factor, width * factor), dtype=np.bool_)
+        padded[: self.free.shape[0], : self.free.shape[1]] = self.free
+        free = padded.reshape(height, factor, width, factor).any(axis=(1, 3))
+        size = factor * self.resolution
+        return FreeSpace(np.pad(free, 1), size, (self.origin[0] - size, self.origin[1] - size))
+
+    def nearest_free(self, x: float, y: float, within: float) -> tuple[int, int] | None:
+        """Return the free cell whose centre is nearest to a point, or None further than ``within``.
+
+        The cell that holds the point is taken if it is free, however far its centre.
+        """
+        cell = self.cell(x, y)
+        if cell is not None and self.free[cell]:
+            return cell
+        reach = int(np.ceil(within / self.resolution)) + 1
+        row, column = np.floor((np.array([y, x]) - self.origin[::-1]) / self.resolution).astype(
+            np.int64
+        )
+        low = max(row - reach, 0), max(column - reach, 0)
+        high = max(row + reach + 1, 0), max(column + reach + 1, 0)
+        rows, columns = np.nonzero(self.free[low[0] : high[0], low[1] : high[1]])
+        rows, columns = rows + low[0], columns + low[1]
+        distance = np.linalg.norm(self.centre(rows, columns) - np.array([x, y]), axis=1)
+        if len(distance) == 0 or distance.min() > within:
+            return None
+        nearest = int(distance.argmin())
+        return int(rows[nearest]), int(columns[nearest])
+
     def centre(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> FloatArray:
         """Return the centres of cells, shape (n, 2) [m]."""
         x = self.origin[0] + (columns + 0.5) * self.resolution
         y = self.origin[1] + (rows + 0.5) * self.resolution
         return np.stack([x, y], axis=-1).astype(np.float64)
+
+    def within(
+        self, area: tuple[float, float, float, float], margin: float = 0.0
+    ) -> NDArray[np.bool_]:
+        """Tell which cells' centres lie in an area, ``margin`` [m] from its edges or more.
+
+        Same shape as ``free``.
+        """
+        height, width = self.free.shape
+        x, y = self.centre(np.arange(max(height, width)), np.arange(max(height, width))).T
+        # A hair more, because centres are computed and areas are round numbers.
+        least = margin - 1e-9
+        across = (x >= area[0] + least) & (x <= area[2] - least)
+        up = (y >= area[1] + least) & (y <= area[3] - least)
+        return up[:height, None] & across[None, :width]
 
 
 def free_space(world: World, radius: float, resolution: float = 0.1) -> FreeSpace:
@@ -62,7 +110,7 @@ def free_space(world: World, radius: float, resolution: float = 0.1) -> FreeSpac
     _clear_discs(space.free, world.discs, x_min, y_min, resolution, radius)
     _clear_segments(space.free, world.all_segments, x_min, y_min, resolution, radius)
     for polygon in world.polygons:
-        _clear_inside(space, polygon)
+        _clear_inside(space.free, polygon, x_min, y_min, resolution)
     if world.grid is not None:
         _clear_grid(space, world.grid, radius)
     return space
@@ -109,17 +157,28 @@ def _clear_segments(free, segments, x_min, y_min, resolution, radius):
                     free[row, column] = False
 
 
-def _clear_inside(space: FreeSpace, polygon: FloatArray) -> None:
-    low = np.floor((polygon.min(axis=0) - space.origin) / space.resolution).astype(int)
-    high = np.ceil((polygon.max(axis=0) - space.origin) / space.resolution).astype(int)
-    low = np.maximum(low, 0)
-    rows = np.arange(low[1], min(high[1], space.free.shape[0]))
-    columns = np.arange(low[0], min(high[0], space.free.shape[1]))
-    if len(rows) == 0 or len(columns) == 0:
-        return
-    row_of, column_of = (m.ravel() for m in np.meshgrid(rows, columns, indexing="ij"))
-    inside = points_in_polygon(space.centre(row_of, column_of), polygon)
-    space.free[row_of[inside], column_of[inside]] = False
+@compiled(allocates=True)
+def _clear_inside(free, vertices, x_min, y_min, resolution):
+    """Block the cells whose centre is inside a polygon, by counting crossings."""
+    height, width = free.shape
+    low_x, high_x = vertices[:, 0].min() - x_min, vertices[:, 0].max() - x_min
+    low_y, high_y = vertices[:, 1].min() - y_min, vertices[:, 1].max() - y_min
+    for row in range(
+        max(0, int(low_y / resolution)), min(height, int(max(high_y, 0.0) / resolution) + 1)
+    ):
+        y = y_min + (row + 0.5) * resolution
+        for column in range(
+            max(0, int(low_x / resolution)), min(width, int(max(high_x, 0.0) / resolution) + 1)
+        ):
+            x = x_min + (column + 0.5) * resolution
+            inside = False
+            for k in range(vertices.shape[0]):
+                x1, y1 = vertices[k - 1, 0], vertices[k - 1, 1]
+                x2, y2 = vertices[k, 0], vertices[k, 1]
+                if (y1 > y) != (y2 > y) and x < x1 + (y - y1) * (x2 - x1) / (y2 - y1):
+                    inside = not inside
+            if inside:
+                free[row, column] = False
 
 
 def _clear_grid(space: FreeSpace, grid: OccupancyGrid, radius: float) -> None:
@@ -163,99 +222,33 @@ def distance_to_occupied(grid: OccupancyGrid) -> NDArray[np.float32]:
     return np.asarray(ndimage.distance_transform_edt(grid.occupied == 0), dtype=np.float32)
 
 
-def shortest_path_length(
+def shortest_path(
     space: FreeSpace, start: tuple[float, float], goal: tuple[float, float]
-) -> float:
-    """Return the length of a shortest free path [m]; infinity if there is none.
+) -> FloatArray:
+    """Return a shortest free path with its end points, shape (n, 2) [m]; no rows if there is none.
 
     Dijkstra on 8 neighbours, then the path is pulled taut between cells that see each other.
     The end points need not be cell centres.
     """
     first, last = space.cell(*start), space.cell(*goal)
     if first is None or last is None:
-        return float("inf")
-    straight = float(np.hypot(goal[0] - start[0], goal[1] - start[1]))
+        return np.zeros((0, 2))
     if line_is_free(space.free, *first, *last):
-        return straight
-    cells = _grid_path(space.free, first[0], first[1], last[0], last[1])
+        return np.array([start, goal], dtype=np.float64)
+    even = np.zeros(space.free.shape, dtype=np.float32)
+    cells, costs = cheapest_path(space.free, even, first, last, False)
     if len(cells) == 0:
-        return float("inf")
+        return np.zeros((0, 2))
     corners = space.centre(cells[:, 0], cells[:, 1])
     corners[0], corners[-1] = start, goal
-    kept = corners[_taut(space.free, cells)]
-    return max(straight, float(np.linalg.norm(np.diff(kept, axis=0), axis=1).sum()))
+    return corners[pull_taut(space.free, even, cells, costs, len(cells))]
 
 
-@compiled
-def line_is_free(free, row, column, row_end, column_end):
-    """Tell whether all cells that a straight line between two centres passes are free."""
-    steps = 2 * max(abs(row_end - row), abs(column_end - column))
-    for k in range(steps + 1):
-        part = k / max(steps, 1)
-        r = int(np.floor(row + part * (row_end - row) + 0.5))
-        c = int(np.floor(column + part * (column_end - column) + 0.5))
-        if not free[r, c]:
-            return False
-    return True
-
-
-@compiled
-def _grid_path(free, row, column, row_end, column_end):
-    """Return the cells of a shortest 8-connected path, start first, shape (n, 2)."""
-    height, width = free.shape
-    cost = np.full(height * width, np.inf)
-    parent = np.full(height * width, -1, dtype=np.int64)
-    # The start and the goal may stand in cells that the inflation closed.
-    source, target = row_end * width + column_end, row * width + column
-    cost[source] = 0.0
-    queue = [(0.0, source)]
-    while len(queue) > 0:
-        distance, here = heapq.heappop(queue)
-        if here == target:
-            break
-        if distance > cost[here]:
-            continue
-        r, c = here // width, here % width
-        for dr in range(-1, 2):
-            for dc in range(-1, 2):
-                nr, nc = r + dr, c + dc
-                if (dr == 0 and dc == 0) or nr < 0 or nc < 0 or nr >= height or nc >= width:
-                    continue
-                there = nr * width + nc
-                if not free[nr, nc] and there != target:
-                    continue
-                through = distance + np.sqrt(float(dr * dr + dc * dc))
-                if through < cost[there]:
-                    cost[there] = through
-                    parent[there] = here
-                    heapq.heappush(queue, (through, there))
-    if not np.isfinite(cost[target]):
-        return np.zeros((0, 2), dtype=np.int64)
-    count = 1
-    here = target
-    while here != source:
-        here = parent[here]
-        count += 1
-    path = np.zeros((count, 2), dtype=np.int64)
-    here = target
-    for k in range(count):
-        path[k, 0], path[k, 1] = here // width, here % width
-        here = parent[here]
-    return path
-
-
-@compiled
-def _taut(free, cells):
-    """Return the indices of the cells left after skipping all that can be seen past."""
-    count = cells.shape[0]
-    kept = [0]
-    here = 0
-    while here < count - 1:
-        furthest = here + 1
-        for k in range(count - 1, here + 1, -1):
-            if line_is_free(free, cells[here, 0], cells[here, 1], cells[k, 0], cells[k, 1]):
-                furthest = k
-                break
-        kept.append(furthest)
-        here = furthest
-    return np.array(kept)
+def shortest_path_length(
+    space: FreeSpace, start: tuple[float, float], goal: tuple[float, float]
+) -> float:
+    """Return the length of a shortest free path [m]; infinity if there is none."""
+    path = shortest_path(space, start, goal)
+    if len(path) == 0:
+        return float("inf")
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.free_space import FreeSpace, distance_to_occupied, free_space
 from pm01_nav.worlds.mover_arrays import pack_movers
-from pm01_nav.worlds.world import World
+from pm01_nav.worlds.world import OccupancyGrid, World
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -23,6 +23,9 @@ PLACES_PER_WORLD = 1024
 MAX_PLACES = 1 << 20
 """Starts, and goals, kept of all worlds from files together."""
 MAX_ATTEMPTS = 100
+WAY_RESOLUTION, MAX_WAY_RESOLUTION = 0.2, 0.4
+"""Side of a cell of the raster for path distances [m]: usual, and greatest."""
+MAX_WAY_CELLS = 1 << 14
 
 
 class WorldArrays(NamedTuple):
@@ -49,6 +52,11 @@ class WorldArrays(NamedTuple):
     goals: FloatArray
     """x, y [m], shape (n, 2)."""
     goal_begin: IntArray
+    way_cells: NDArray[np.uint8]
+    """1 = the robot fits and a start reaches it, row by row with a closed border, shape (n,)."""
+    way_begin: IntArray
+    way_frame: FloatArray
+    """Like ``grid_frame``; a world too large for cells of 0.4 m has none."""
     jitter: FloatArray
     """Half the side of the square around a start, and a goal, to draw from [m], (num_worlds, 2)."""
     cumulative_weight: FloatArray
@@ -76,6 +84,8 @@ class Places(NamedTuple):
     goals: FloatArray
     start_yaw: float
     jitter: tuple[float, float]
+    ways: FreeSpace | None
+    """Where the robot gets to from the starts, on a coarse raster; None in a very large world."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +105,21 @@ class WorldPool:
         """Return the raster of one world on which its places were chosen."""
         return free_space(self.worlds[index], self.radius)
 
+    def set_weights(self, weights: FloatArray) -> None:
+        """Draw worlds in proportion to ``weights`` (num_worlds,) from the next reset on.
+
+        Raises:
+            ValueError: a weight is negative or not finite, or none is positive.
+        """
+        if weights.shape != (len(self),) or not np.isfinite(weights).all() or (weights < 0).any():
+            raise ValueError(f"weights must be {len(self)} finite numbers, none below 0")
+        cumulative = np.cumsum(weights)
+        if cumulative[-1] <= 0.0:
+            raise ValueError("one weight at least must be positive")
+        # Divided by its own last number it ends with exactly 1, and no draw from U[0, 1) falls
+        # beyond it.
+        self.arrays.cumulative_weight[:] = cumulative / cumulative[-1]
+
 
 def find_places(world: World, radius: float, rng: np.random.Generator, limit: int) -> Places:
     """Choose where episodes may start and end, for a disc of ``radius`` [m].
@@ -104,84 +129,94 @@ def find_places(world: World, radius: float, rng: np.random.Generator, limit: in
             from there.
     """
     space = free_space(world, radius)
-    regions = space.regions()
-    sizes = np.bincount(regions.ravel())
-    sizes[0] = 0
-    if sizes.max() == 0:
+    if not space.free.any():
         raise InputError(f"world {world.name}: no free space for a robot of radius {radius:.2f} m")
-    if world.start is None:
-        region = int(sizes.argmax())
-    else:
+    connected = _connected_to_start(world, space)
+    half = space.resolution / 2.0
+    # In a roomy cell the disc is free wherever in it the centre is.
+    roomy = free_space(world, radius + half * np.sqrt(2.0), space.resolution).free
+    choice = _Choice(space, connected, connected & roomy, rng, limit)
+    goals, goal_jitter = _goals(world, choice)
+    if world.start is not None:
+        start = np.array([world.start[:2]])
+        return Places(start, goals, world.start[2], (0.0, goal_jitter), _ways(space, connected))
+    starts, jitter = choice.places(world.start_area)
+    return Places(starts, goals, np.nan, (jitter, goal_jitter), _ways(space, connected))
+
+
+def _ways(space: FreeSpace, connected: NDArray[np.bool_]) -> FreeSpace | None:
+    """Return a raster small enough to spread distances over it in each episode."""
+    factor = max(round(WAY_RESOLUTION / space.resolution), 1)
+    while connected.size > MAX_WAY_CELLS * factor**2:
+        factor += 1
+    if factor * space.resolution > MAX_WAY_RESOLUTION:
+        return None
+    return replace(space, free=connected).coarsened(factor)
+
+
+def _connected_to_start(world: World, space: FreeSpace) -> NDArray[np.bool_]:
+    """Return the cells that are connected to the start, or to most of those it may be drawn from.
+
+    Same shape as ``space.free``, of which at least one cell is free.
+    """
+    regions = space.regions()
+    if world.start is not None:
         region = _region_at(space, regions, world.start[0], world.start[1])
         if region == 0:
             raise InputError(f"world {world.name}: its start {world.start} is not in free space")
-    limited = slice(limit)
-    goals, goal_jitter = _goals(world, radius, space, regions == region, rng)
-    if world.start is not None:
-        return Places(
-            np.array([world.start[:2]]), goals[limited], world.start[2], (0.0, goal_jitter)
-        )
-    starts, jitter = _places_in(world, radius, space, regions == region, None, rng)
-    return Places(starts[limited], goals[limited], np.nan, (jitter, goal_jitter))
+        return regions == region
+    eligible = regions
+    if world.start_area is not None:
+        eligible = np.where(space.within(world.start_area), regions, 0)
+    sizes = np.bincount(eligible.ravel())
+    sizes[0] = 0
+    if sizes.max() == 0:
+        raise InputError(f"world {world.name}: no start in its start area is in free space")
+    return regions == sizes.argmax()
 
 
-def _goals(
-    world: World,
-    radius: float,
-    space: FreeSpace,
-    reachable: NDArray[np.bool_],
-    rng: np.random.Generator,
-) -> tuple[FloatArray, float]:
+def _goals(world: World, choice: _Choice) -> tuple[FloatArray, float]:
     area = world.goal_area
     if area is None or area[:2] != area[2:]:
-        goals, jitter = _places_in(world, radius, space, reachable, area, rng)
+        goals, jitter = choice.places(area)
         if len(goals) == 0:
             raise InputError(f"world {world.name}: no goal in its goal area can be reached")
         return goals, jitter
-    if _region_at(space, reachable.astype(np.int32), area[0], area[1]) == 0:
+    regions = choice.connected.astype(np.int32)
+    if _region_at(choice.space, regions, area[0], area[1]) == 0:
         raise InputError(f"world {world.name}: start and goal are not connected")
     return np.array([area[:2]]), 0.0
 
 
-def _places_in(
-    world: World,
-    radius: float,
-    space: FreeSpace,
-    chosen: NDArray[np.bool_],
-    area: tuple[float, float, float, float] | None,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, float]:
-    """Return places in random order (n, 2), and how far around them is as good [m].
+@dataclass(frozen=True)
+class _Choice:
+    """Draws places from the cells that are connected to the start."""
 
-    Cells in which the disc is free anywhere; where there are none, the centres of free cells.
-    """
-    half = space.resolution / 2.0
-    roomy = free_space(world, radius + half * np.sqrt(2.0), space.resolution).free
-    for cells, jitter in ((chosen & roomy, half), (chosen, 0.0)):
-        rows, columns = np.nonzero(cells)
-        places = space.centre(rows, columns)
-        if area is not None:
-            low = np.array(area[:2]) + jitter - 1e-9
-            high = np.array(area[2:]) - jitter + 1e-9
-            places = places[((places >= low) & (places <= high)).all(axis=1)]
-        if len(places):
-            return rng.permutation(places), jitter
-    return np.zeros((0, 2)), 0.0
+    space: FreeSpace
+    connected: NDArray[np.bool_]
+    roomy: NDArray[np.bool_]
+    """Those of them in which the disc is free anywhere."""
+    rng: np.random.Generator
+    limit: int
+
+    def places(self, area: tuple[float, float, float, float] | None) -> tuple[FloatArray, float]:
+        """Return places in random order (n, 2), and how far around them is as good [m].
+
+        From roomy cells within ``area``; where there are none, the centres of others.
+        """
+        for cells, jitter in ((self.roomy, self.space.resolution / 2.0), (self.connected, 0.0)):
+            chosen = cells if area is None else cells & self.space.within(area, jitter)
+            rows, columns = np.nonzero(chosen)
+            if len(rows):
+                order = self.rng.permutation(len(rows))[: self.limit]
+                return self.space.centre(rows[order], columns[order]), jitter
+        return np.zeros((0, 2)), 0.0
 
 
 def _region_at(space: FreeSpace, regions: NDArray[np.int32], x: float, y: float) -> int:
     """Return the region of a point, or of the nearest free cell within 0.3 m, else 0."""
-    cell = space.cell(x, y)
-    if cell is None:
-        return 0
-    if regions[cell]:
-        return int(regions[cell])
-    rows, columns = np.nonzero(space.free)
-    distance = np.linalg.norm(space.centre(rows, columns) - np.array([x, y]), axis=1)
-    if len(distance) == 0 or distance.min() > 0.3:
-        return 0
-    nearest = int(distance.argmin())
-    return int(regions[rows[nearest], columns[nearest]])
+    cell = None if space.cell(x, y) is None else space.nearest_free(x, y, within=0.3)
+    return 0 if cell is None else int(regions[cell])
 
 
 def build_pool(
@@ -196,37 +231,44 @@ def build_pool(
         InputError: a world has no start from which a goal can be reached.
     """
     limit = max(MAX_PLACES // max(len(worlds), 1), 64)
-    places = [
-        find_places(world, radius, np.random.default_rng([seed, index]), limit)
+    drawn = [
+        (world, find_places(world, radius, np.random.default_rng([seed, index]), limit))
         for index, world in enumerate(worlds)
     ]
-    return WorldPool(tuple(worlds), _pack(worlds, places, random_phase), radius)
+    return pack_pool(drawn, radius, random_phase=random_phase)
 
 
 def generate_pool(
-    generator: Callable[[np.random.Generator], World],
-    seeds: Iterable[int],
-    radius: float,
-    *,
-    random_phase: bool = True,
+    generator: Callable[[np.random.Generator], World], seeds: Iterable[int], radius: float
 ) -> WorldPool:
     """Generate one world a seed and pack them; a draw that nobody can cross is drawn again.
-
-    ``random_phase`` is that of ``build_pool``.
 
     Raises:
         InputError: a seed gave no usable world in many attempts.
     """
-    seeds = list(seeds)
-    drawn = [_generate(generator, seed, radius) for seed in seeds]
+    return pack_pool([draw_world(generator, seed, radius) for seed in seeds], radius)
+
+
+def pack_pool(
+    drawn: Sequence[tuple[World, Places]], radius: float, *, random_phase: bool = True
+) -> WorldPool:
+    """Pack worlds with places that were found for a disc of ``radius`` [m].
+
+    ``random_phase`` is that of ``build_pool``.
+    """
     worlds = [world for world, _ in drawn]
     arrays = _pack(worlds, [places for _, places in drawn], random_phase)
     return WorldPool(tuple(worlds), arrays, radius)
 
 
-def _generate(
+def draw_world(
     generator: Callable[[np.random.Generator], World], seed: int, radius: float
 ) -> tuple[World, Places]:
+    """Draw one world and where episodes in it may start and end; see ``generate_pool``.
+
+    Raises:
+        InputError: the seed gave no usable world in many attempts.
+    """
     problem: InputError | None = None
     for attempt in range(MAX_ATTEMPTS):
         world = generator(np.random.default_rng([seed, attempt]))
@@ -243,24 +285,13 @@ def _pack(worlds: Sequence[World], places: Sequence[Places], random_phase: bool)
     segments, segment_begin = _stack([world.all_segments for world in worlds])
     starts, start_begin = _stack([p.starts for p in places])
     goals, goal_begin = _stack([p.goals for p in places])
-    grids = [world.grid for world in worlds]
-    empty = np.zeros((0,), dtype=np.uint8)
-    cells, grid_begin = _stack([g.occupied.ravel() if g else empty for g in grids])
-    distance, _ = _stack(
-        [distance_to_occupied(g).ravel() if g else empty.astype(np.float32) for g in grids]
-    )
-    frames = [
-        (*g.origin, g.resolution, *g.occupied.shape[::-1]) if g else (0.0,) * 5 for g in grids
-    ]
     return WorldArrays(
         discs=discs,
         disc_begin=disc_begin,
         segments=segments,
         segment_begin=segment_begin,
-        grid_cells=cells,
-        grid_distance=distance,
-        grid_begin=grid_begin,
-        grid_frame=np.array(frames, dtype=np.float64).reshape(len(worlds), 5),
+        **_pack_grids([world.grid for world in worlds]),
+        **_pack_ways([p.ways for p in places]),
         starts=starts,
         start_begin=start_begin,
         start_yaw=np.array([p.start_yaw for p in places]),
@@ -270,6 +301,35 @@ def _pack(worlds: Sequence[World], places: Sequence[Places], random_phase: bool)
         cumulative_weight=np.arange(1, len(worlds) + 1) / len(worlds),
         **pack_movers(worlds, random_phase=random_phase)._asdict(),
     )
+
+
+NO_CELLS = np.zeros(0, dtype=np.uint8)
+
+
+def _pack_grids(grids: Sequence[OccupancyGrid | None]) -> dict[str, NDArray]:
+    cells, begin = _stack([g.occupied.ravel() if g else NO_CELLS for g in grids])
+    distances = [distance_to_occupied(g).ravel() if g else NO_CELLS for g in grids]
+    return {
+        "grid_cells": cells,
+        "grid_distance": np.concatenate(distances).astype(np.float32),
+        "grid_begin": begin,
+        "grid_frame": _frames([(g.origin, g.resolution, g.occupied) if g else None for g in grids]),
+    }
+
+
+def _pack_ways(ways: Sequence[FreeSpace | None]) -> dict[str, NDArray]:
+    cells, begin = _stack([w.free.ravel().view(np.uint8) if w else NO_CELLS for w in ways])
+    return {
+        "way_cells": cells,
+        "way_begin": begin,
+        "way_frame": _frames([(w.origin, w.resolution, w.free) if w else None for w in ways]),
+    }
+
+
+def _frames(rasters: Sequence[tuple[tuple[float, float], float, NDArray] | None]) -> FloatArray:
+    """Return origin x, y, resolution, width and height of each raster, zeros for None."""
+    rows = [(*r[0], r[1], *r[2].shape[::-1]) if r else (0.0,) * 5 for r in rasters]
+    return np.array(rows, dtype=np.float64).reshape(len(rows), 5)
 
 
 def _stack(rows: Sequence[NDArray]) -> tuple[NDArray, IntArray]:

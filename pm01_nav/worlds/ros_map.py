@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from PIL import Image
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 
-from pm01_nav.config import FrozenModel, read_yaml, validate
+from pm01_nav.config import FrozenModel, validate
 from pm01_nav.errors import InputError
+from pm01_nav.worlds.documents import load_yaml
 from pm01_nav.worlds.world import OccupancyGrid, World
 
 MAX_PIXELS = 64_000_000
@@ -76,7 +77,7 @@ def read_ros_map(path: str | Path) -> World:
         InputError: a key or the image is missing or wrong, or no cell is free.
     """
     path = Path(path)
-    settings = validate(MapFile, read_yaml(path), str(path))
+    settings = validate(MapFile, load_yaml(path), str(path))
     pixels, has_alpha = _read_pixels(path, path.parent / settings.image)
     # Row 0 of an image is its top, row 0 of a grid its bottom.
     solid = np.ascontiguousarray(_solid(pixels, has_alpha, settings)[::-1])
@@ -85,8 +86,10 @@ def read_ros_map(path: str | Path) -> World:
     height, width = solid.shape
     x, y, _ = settings.origin
     bounds = (x, y, x + width * settings.resolution, y + height * settings.resolution)
-    grid = OccupancyGrid(solid, settings.resolution, (x, y))
-    return World(path.stem, bounds, grid=grid)
+    try:
+        return World(path.stem, bounds, grid=OccupancyGrid(solid, settings.resolution, (x, y)))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 def _read_pixels(path: Path, image_path: Path) -> tuple[NDArray[np.integer], bool]:
@@ -99,6 +102,9 @@ def _read_pixels(path: Path, image_path: Path) -> tuple[NDArray[np.integer], boo
         with warnings.catch_warnings():
             # Our own limit is stricter than the one that Pillow only warns about.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            # Devices and pipes have perhaps no end.
+            if image_path.exists() and not image_path.is_file():
+                raise InputError(f"{where}: must be a file")
             with Image.open(image_path, formats=FORMATS) as image:
                 return _decode(image, where)
     except InputError:

@@ -11,8 +11,20 @@ from numpy.typing import NDArray
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import polygon_edges
 from pm01_nav.worlds.mover import Mover
+from pm01_nav.worlds.polygon import has_area, is_simple
 
 FloatArray = NDArray[np.float64]
+
+MAX_OBSTACLES = 200_000
+"""Discs, segments, corners of polygons and movers together; more is refused, not awaited."""
+MAX_CORNERS = 10_000
+"""Corners of one polygon: whether it crosses itself takes up to their square to find out."""
+MAX_CELLS = 64_000_000
+"""Cells of a grid."""
+MAX_COORDINATE = 1e7
+"""[m]; UTM coordinates are below it. Further out a double has no micrometres left."""
+BOUNDS_SIDE = (1e-3, 1e5)
+"""Least and greatest side of the bounds [m]."""
 
 
 def _no_rows(columns: int) -> FloatArray:
@@ -29,6 +41,19 @@ class OccupancyGrid:
     """Side of a cell [m]."""
     origin: tuple[float, float]
     """Lower left corner of cell (0, 0) in the world [m]."""
+
+    def __post_init__(self) -> None:
+        """Refuse a grid that no simulator could use.
+
+        Raises:
+            InputError: it has no cells or too many, or a number is not finite or not positive.
+        """
+        if self.occupied.ndim != 2 or not 0 < self.occupied.size <= MAX_CELLS:
+            shape = self.occupied.shape
+            raise InputError(f"grid: must have rows and columns, 1 to {MAX_CELLS} cells: {shape}")
+        if not 0.0 < self.resolution <= MAX_COORDINATE:
+            raise InputError(f"grid: resolution = {self.resolution}: must be above 0")
+        _check_coordinates(np.asarray(self.origin, dtype=np.float64), "grid: origin")
 
 
 @dataclass(frozen=True)
@@ -49,6 +74,8 @@ class World:
     """Discs that move."""
     start: tuple[float, float, float] | None = None
     """A fixed start pose x, y, yaw; None draws one from the free space."""
+    start_area: tuple[float, float, float, float] | None = None
+    """Where starts are drawn, like ``bounds``, unless ``start`` fixes one; None is anywhere."""
     goal_area: tuple[float, float, float, float] | None = None
     """Where goals are drawn, like ``bounds``; a single point fixes the goal; None is anywhere."""
 
@@ -56,21 +83,82 @@ class World:
         """Refuse values that no simulator could use.
 
         Raises:
-            InputError: a number is NaN or infinite, a radius is not positive, bounds are empty.
+            InputError: there are too many obstacles; a number is NaN, infinite or too large, a
+                radius is not positive, a polygon crosses itself or has no area, bounds are empty.
         """
-        for name, rows in (("discs", self.discs), ("segments", self.segments)):
-            if not np.isfinite(rows).all():
-                raise InputError(f"world {self.name}: {name} must be finite numbers")
-        if (self.discs[:, 2] <= 0.0).any():
-            raise InputError(f"world {self.name}: disc radii must be positive")
-        for polygon in self.polygons:
-            if polygon.ndim != 2 or len(polygon) < 3 or not np.isfinite(polygon).all():
-                raise InputError(f"world {self.name}: a polygon needs 3 or more finite vertices")
-        x_min, y_min, x_max, y_max = self.bounds
-        if not (np.isfinite(self.bounds).all() and x_min < x_max and y_min < y_max):
-            raise InputError(f"world {self.name}: bounds {self.bounds} enclose no area")
+        try:
+            self._check_counts()
+            self._check_numbers()
+            for index, polygon in enumerate(self.polygons):
+                _check_polygon(polygon, f"polygons[{index}]")
+            _check_bounds(self.bounds)
+            for name in ("start_area", "goal_area"):
+                _check_area(getattr(self, name), name)
+        except InputError as error:
+            raise InputError(f"world {self.name}: {error}") from None
+
+    def _check_counts(self) -> None:
+        for name, rows, columns in (("discs", self.discs, 3), ("segments", self.segments, 4)):
+            if rows.ndim != 2 or rows.shape[1] != columns:
+                raise InputError(f"{name}: must have shape (n, {columns}), not {rows.shape}")
+        corners = sum(len(polygon) for polygon in self.polygons)
+        count = len(self.discs) + len(self.segments) + corners + len(self.movers)
+        if count > MAX_OBSTACLES:
+            raise InputError(
+                f"{count} obstacles (discs, segments, corners of polygons, movers): "
+                f"at most {MAX_OBSTACLES} are allowed; a grid holds more"
+            )
+
+    def _check_numbers(self) -> None:
+        named: list[tuple[str, object]] = [("discs", self.discs), ("segments", self.segments)]
+        for k, mover in enumerate(self.movers):
+            named.append((f"movers[{k}]", [*mover.points.flat, mover.radius, mover.speed]))
+        named += [
+            (name, getattr(self, name) or ()) for name in ("start", "start_area", "goal_area")
+        ]
+        for name, values in named:
+            _check_coordinates(np.asarray(values, dtype=np.float64), name)
+        for index in np.nonzero(self.discs[:, 2] <= 0.0)[0][:1]:
+            radius = self.discs[index, 2]
+            raise InputError(f"discs[{index}]: radius = {radius}: must be positive")
 
     @property
     def all_segments(self) -> FloatArray:
         """Thin walls and the edges of the polygons together, shape (n, 4) [m]."""
         return np.concatenate([self.segments, *(polygon_edges(p) for p in self.polygons)])
+
+
+def _check_coordinates(values: FloatArray, name: str) -> None:
+    """Refuse what is not finite or further out than any map."""
+    # Not the other way round: a comparison with NaN is false.
+    bad = values[~(np.abs(values) <= MAX_COORDINATE)]
+    if len(bad):
+        limit = f"{MAX_COORDINATE:.0e}"
+        raise InputError(f"{name}: {bad[0]}: must be finite, between -{limit} and {limit}")
+
+
+def _check_polygon(polygon: FloatArray, name: str) -> None:
+    if polygon.ndim != 2 or polygon.shape[1] != 2 or not 3 <= len(polygon) <= MAX_CORNERS:
+        shape = polygon.shape
+        raise InputError(f"{name}: must have 3 to {MAX_CORNERS} corners (x, y), not {shape}")
+    _check_coordinates(polygon, name)
+    if not has_area(polygon):
+        raise InputError(f"{name}: encloses no area")
+    if not is_simple(polygon):
+        raise InputError(f"{name}: crosses or touches itself; its edges may meet at corners only")
+
+
+def _check_bounds(bounds: tuple[float, float, float, float]) -> None:
+    _check_coordinates(np.asarray(bounds, dtype=np.float64), "bounds")
+    least, most = BOUNDS_SIDE
+    x_min, y_min, x_max, y_max = bounds
+    if not (x_min < x_max and y_min < y_max):
+        raise InputError(f"bounds {bounds} enclose no area")
+    for side in (x_max - x_min, y_max - y_min):
+        if not least <= side <= most:
+            raise InputError(f"bounds {bounds}: a side of {side:.6g} m: must be {least} to {most}")
+
+
+def _check_area(area: tuple[float, float, float, float] | None, name: str) -> None:
+    if area is not None and (area[0] > area[2] or area[1] > area[3]):
+        raise InputError(f"{name} = {area}: must be x_min, y_min, x_max, y_max")

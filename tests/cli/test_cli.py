@@ -102,6 +102,10 @@ WRONG = {
     ),
     "no run to resume": (["train", "--resume", "nowhere"], "nowhere: is no run folder"),
     "no run to export": (["export", "nowhere", "-o", "x.onnx"], "nowhere: is no run folder"),
+    "look-ahead without a plan": (
+        ["evaluate", "goal_seeking", "--task", "static", "--look-ahead", "2"],
+        "look-ahead = 2: needs --global-plan",
+    ),
     "film of unknown kind": (
         ["replay", "goal_seeking", "--task", "static", "-o", "x.avi"],
         r"\.avi.*\.mp4",
@@ -176,3 +180,24 @@ def test_replay_writes_a_film(trained, tmp_path):
     done = pm01("replay", str(trained), "--episodes", "2", "-o", str(film), *changes)
     assert done.returncode == 0, done.stderr
     assert film.stat().st_size > 1000
+
+
+def write_trap(folder: Path) -> None:
+    """Write a map of 8 m x 8 m at 10 cm: a wall from the lower edge up, free above 6.5 m."""
+    rows = ["255 " * 39 + ("255 " if row < 15 else "0 ") + "255 " * 40 for row in range(80)]
+    (folder / "trap.pgm").write_text("P2 80 80 255\n" + "\n".join(rows) + "\n")
+    (folder / "trap.yaml").write_text(
+        "{image: trap.pgm, mode: trinary, resolution: 0.1, origin: [0.0, 0.0, 0], negate: 0, "
+        "occupied_thresh: 0.65, free_thresh: 0.25}\n"
+    )
+
+
+def test_global_plan_leads_a_blind_planner_through_a_map(tmp_path):
+    write_trap(tmp_path)
+    arguments = ["evaluate", "goal_seeking", "--task", "map", "--map", "trap.yaml"]
+    arguments += ["--episodes", "40", "--json", "-"]
+    alone = json.loads(pm01(*arguments, cwd=tmp_path).stdout)
+    led = json.loads(pm01(*arguments, "--global-plan", "--look-ahead", "1.5", cwd=tmp_path).stdout)
+    assert alone["success_rate"] < 0.8
+    assert led["success_rate"] >= 0.95
+    assert led["global_plan_look_ahead_m"] == 1.5

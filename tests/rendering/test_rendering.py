@@ -300,3 +300,17 @@ def test_training_plot_is_written_for_any_length(tmp_path: Path, num_points: int
         assert picture.format == "PNG"
         assert np.array(picture.convert("L")).std() > 5.0
     assert os.listdir(tmp_path / "runs") == ["training.png"]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("names", [("stage", "effective_worlds"), ("learnability",)])
+def test_curriculum_has_a_panel_only_where_there_is_one(tmp_path: Path, names) -> None:
+    keys = ("seconds", "steps", "success_rate")
+    history = {key: [0.0, 0.5, 1.0] for key in keys}
+    curriculum = {f"curriculum/{name}": [float("nan"), 1.0, 4.0] for name in names}
+    plot_training(history, tmp_path / "without.png", "a run")
+    plot_training(history | curriculum, tmp_path / "with.png", "a run")
+    with Image.open(tmp_path / "without.png") as less, Image.open(tmp_path / "with.png") as more:
+        assert more.width == less.width
+        # Panels of 1.25 + 1 + 1.25 = 3.5 parts, and one of 0.8 more.
+        assert more.height == pytest.approx(less.height * 4.3 / 3.5, abs=2)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.geometry import rectangle
 from pm01_nav.robot import full_circle
+from pm01_nav.sim.lidar import ANGLE_ERROR, direction, nearest_in_sectors
 from pm01_nav.sim.reference import reference_scan
 from pm01_nav.worlds.world import OccupancyGrid, World
 
@@ -235,3 +236,18 @@ def test_noise_does_not_make_returns_out_of_nothing(make_robot, simulate) -> Non
     robot = make_robot(lidar=full_circle(360) | {"noise_std": 0.5})
     empty = World("empty", BOUNDS)
     assert (simulate(robot, empty, [[0.0, 0.0, 0.0]]).scan == np.inf).all()
+
+
+def test_direction_is_as_good_as_it_says() -> None:
+    angles = np.linspace(-np.pi, np.pi, 20_001)[1:-1]
+    for length in (1e-3, 1.0, 50.0):
+        found = [direction(length * np.cos(a), length * np.sin(a)) for a in angles]
+        assert np.abs(np.array(found) - angles).max() <= ANGLE_ERROR
+
+
+def test_nearest_in_sectors() -> None:
+    scan = np.array([[9.0, 5.0, np.inf, 7.0, 8.0, 6.0], [1, 2, 3, 4, -np.inf, 5]], dtype=np.float32)
+    nearest = np.zeros((2, 3), dtype=np.float32)
+    for i in range(2):
+        nearest_in_sectors(scan, nearest, i)
+    assert nearest.tolist() == [[5.0, 7.0, 6.0], [1.0, 3.0, -np.inf]]

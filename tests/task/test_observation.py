@@ -38,7 +38,8 @@ EXACT = {"abs": 1e-6}
 
 def build(layout: ObservationLayout, scan=SCAN, goal=(2.0, 0.5), velocity=(0.1, -0.4)):
     goal, velocity = np.array(goal), np.array(velocity)
-    return build_observation(layout, scan, goal, velocity, np.array([0.25, -1.0]))
+    nearest = pool_sectors(scan, layout.sectors)
+    return build_observation(layout, nearest, goal, velocity, np.array([0.25, -1.0]))
 
 
 def test_plain_layout() -> None:
@@ -90,6 +91,7 @@ def test_range_shown_may_be_shorter_than_the_lidars() -> None:
 
 def test_leading_dimensions() -> None:
     scans = np.stack([SCAN, SCAN[::-1], SCAN + 1, SCAN * 0.5, SCAN, SCAN]).reshape(2, 3, 6)
+    scans = pool_sectors(scans, RICH.sectors)
     goals = np.random.default_rng(0).uniform(0.0, 3.0, (2, 3, 2))
     rest = np.zeros((2, 3, 2))
     together = build_observation(RICH, scans, goals, rest, rest)
@@ -125,6 +127,7 @@ def test_pool_sectors_takes_the_nearest() -> None:
     ranges = np.array([[3.0, 1.0, 2.0, 5.0, 4.0, 6.0], [1.0, 9.0, 9.0, 9.0, 9.0, 2.0]])
     assert pool_sectors(ranges, 2).tolist() == [[1.0, 4.0], [1.0, 2.0]]
     assert pool_sectors(ranges, 6).tolist() == ranges.tolist()
+    assert pool_sectors(ranges, 0) is ranges
     assert pool_sectors(ranges, 1).tolist() == [[1.0], [1.0]]
 
 
@@ -167,6 +170,7 @@ def test_bounds_hold_and_are_reached(layout: ObservationLayout) -> None:
     rng = np.random.default_rng(0)
     n = 500
     scan = rng.choice([-INF, 0.1, 0.3, 3.5, INF], (n, 6)).astype(np.float32)
+    scan = pool_sectors(scan, layout.sectors)
     goal = np.column_stack([rng.choice([0.0, 10.0, 99.0], n), rng.choice([-np.pi, 0, np.pi], n)])
     velocity = np.column_stack([rng.choice([-9.0, 9.0], n), rng.choice([-9.0, 9.0], n)])
     observation = build_observation(layout, scan, goal, velocity, rng.choice([-1.0, 1.0], (n, 2)))

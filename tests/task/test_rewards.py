@@ -22,6 +22,7 @@ def step(**values: Any) -> Step:
         ("pose", "twist", "command", "scan", "clearance", "contact", "count"), None
     )
     fields |= {"goal_distance": [1.0], "goal_bearing": [0.0], "previous_goal_distance": [1.0]}
+    fields |= {"path_distance": [1.5], "previous_path_distance": [1.5]}
     fields |= values
     rows = {name: None if v is None else np.array(v) for name, v in fields.items()}
     return Step(xp=np, **rows)
@@ -37,6 +38,12 @@ def step(**values: Any) -> Step:
             {"previous_goal_distance": [3.0, 3.0, 3.0], "goal_distance": [2.96, 3.0, 3.02]},
             {},
             [0.04, 0.0, -0.02],
+        ),
+        (
+            "path_progress",
+            {"previous_path_distance": [3.0, 8.0], "path_distance": [2.96, 8.05]},
+            {},
+            [0.04, -0.05],
         ),
         ("time", {"goal_distance": [0.0, 5.0]}, {}, [1, 1]),
         ("turning", {"command": [[0.5, -1.5], [0.0, 0.3], [0.2, 0.0]]}, {}, [1.5, 0.3, 0.0]),

@@ -170,3 +170,78 @@ def test_unusable_worlds_leave_no_folder(tmp_path):
 def test_batch_size_must_divide_the_rollout():
     with pytest.raises(ValueError, match=r"512.*300"):
         config(ppo={"n_envs": 32, "n_steps": 16, "batch_size": 300})
+
+
+CURRICULA = {
+    # The first stage is passed soon: its goals lie within a few steps.
+    "staged": {
+        "staged": {
+            "stages": [{"goal_distance": [0.3, 0.4]}, {"goal_distance": [1.0, 2.0]}, {}],
+            "threshold": 0.2,
+            "window": 16,
+        }
+    },
+    "automatic": {"automatic": {"top": 2, "rate": 0.3}},
+}
+
+
+@pytest.mark.parametrize("name", CURRICULA)
+def test_curriculum_is_logged_repeated_and_resumed(name, tmp_path):
+    settings = config(4, eval_every=100 * SAMPLES, curriculum=name, **CURRICULA[name])
+    run(settings, tmp_path / "whole")
+    whole = curve(tmp_path / "whole")
+    logged = [key for key in whole if key.startswith("curriculum/")]
+    assert "curriculum/effective_worlds" in logged
+    assert all(len(whole[key]) == 4 for key in logged)
+    if name == "staged":
+        # The run is stopped below amid a later stage than the first.
+        assert whole["curriculum/stage"][2] > 0.0
+    assert run(settings, tmp_path / "x", Quiet(interrupt_after=3)).interrupted
+    run(settings, tmp_path / "x", resume=True)
+    assert curve(tmp_path / "x") == whole
+    first, second = parameters(tmp_path / "whole"), parameters(tmp_path / "x")
+    assert all(torch.equal(first[key], second[key]) for key in first)
+
+
+def test_curriculum_leaves_the_evaluation_alone(uninterrupted, tmp_path):
+    folder, _ = uninterrupted
+    # One stage that is the task itself: the same training, with a curriculum's bookkeeping.
+    run(config(curriculum="staged", staged={"stages": [{}]}), tmp_path / "x")
+    ours, plain = curve(tmp_path / "x"), curve(folder)
+    assert {key: ours[key] for key in plain} == plain
+    assert "curriculum/stage" in ours
+    assert not [key for key in plain if key.startswith("curriculum/")]
+
+
+def test_resuming_with_another_curriculum_is_refused(uninterrupted, tmp_path):
+    run(config(2), tmp_path / "x")
+    with pytest.raises(InputError, match=r"train\.curriculum = 'automatic': .*another"):
+        run(config(4, curriculum="automatic"), tmp_path / "x", resume=True)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"curriculum": "magic"},
+        {"staged": {"threshold": 1.1}},
+        {"staged": {"window": 0}},
+        {"staged": {"stages": []}},
+        {"staged": {"stages": [{"goal_distance": [3.0, 1.0]}]}},
+        {"staged": {"stages": [{"worlds": {"rooms": 0.0}}]}},
+        {"staged": {"stages": [{"world": {"rooms": 1.0}}]}},
+        {"automatic": {"share": -0.1}},
+        {"automatic": {"rate": 0.0}},
+        {"automatic": {"top": 0}},
+    ],
+)
+def test_impossible_curriculum_is_refused(changes):
+    key = next(iter(changes))
+    with pytest.raises(ValueError, match=key):
+        config(**changes)
+
+
+def test_stage_of_unknown_worlds_leaves_no_folder(tmp_path):
+    stages = {"stages": [{"worlds": {"rooms": 1.0}}]}
+    with pytest.raises(InputError, match=r"train\.staged\.stages\.0\.worlds\.rooms: .*static"):
+        run(config(curriculum="staged", staged=stages), tmp_path / "x")
+    assert not (tmp_path / "x").exists()

@@ -10,14 +10,14 @@ import pytest
 from scipy import ndimage
 
 from pm01_nav.errors import InputError
-from pm01_nav.geometry import rectangle
+from pm01_nav.geometry import points_in_polygon, rectangle
 from pm01_nav.robot import full_circle, load_robot
 from pm01_nav.sim.reference import reference_clearance
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool, world_seeds
-from pm01_nav.worlds.free_space import free_space, shortest_path_length
+from pm01_nav.worlds.free_space import free_space, shortest_path, shortest_path_length
 from pm01_nav.worlds.pool import WorldPool, build_pool, generate_pool
 from pm01_nav.worlds.suites import SUITES
 from pm01_nav.worlds.world import OccupancyGrid, World
@@ -165,6 +165,34 @@ def test_goal_area_is_filled_and_kept() -> None:
     assert (goals.max(axis=0) > [4.9, 2.95]).all()
 
 
+def test_start_area_is_filled_and_kept() -> None:
+    world = World("area", BOUNDS, start_area=(1.0, 1.0, 2.0, 3.0), goal_area=(4.0, 4.0, 5.0, 5.0))
+    simulator = episodes(build_pool([world], RADIUS), 1000)
+    starts = simulator.state.pose[:, :2]
+    assert ((starts >= [1.0, 1.0]) & (starts <= [2.0, 3.0])).all()
+    # As above: 1000 uniform draws reach all edges to 5 % of the side.
+    assert (starts.min(axis=0) < [1.05, 1.1]).all()
+    assert (starts.max(axis=0) > [1.95, 2.9]).all()
+    assert (np.abs(simulator.state.pose[:, 2]).max()) > 3.0
+    assert ((simulator.state.goal >= [4.0, 4.0]) & (simulator.state.goal <= [5.0, 5.0])).all()
+
+
+def test_start_area_decides_which_region_counts() -> None:
+    # The wall at x = 2 leaves the smaller part to the left; most of the area lies there.
+    wall = np.array([[2.0, 0.0, 2.0, 6.0]])
+    world = World("split", BOUNDS, segments=wall, start_area=(0.5, 1.0, 2.8, 3.0))
+    arrays = build_pool([world], RADIUS).arrays
+    assert (arrays.starts[:, 0] < 2.0).all()
+    assert (arrays.goals[:, 0] < 2.0).all()
+    # Goals are anywhere in that part.
+    assert arrays.goals[:, 1].max() > 5.5
+
+
+def test_start_wins_over_start_area() -> None:
+    world = World("both", BOUNDS, start=(1.0, 1.0, 0.5), start_area=(3.0, 3.0, 4.0, 4.0))
+    assert build_pool([world], RADIUS).arrays.starts.tolist() == [[1.0, 1.0]]
+
+
 def test_headings_cover_the_circle(pool: WorldPool) -> None:
     yaw = episodes(pool, 800).state.pose[:, 2]
     assert ((yaw >= -np.pi) & (yaw < np.pi)).all()
@@ -198,6 +226,11 @@ WALL = np.array([[3.0, 0.0, 3.0, 6.0]])
         (World("start", BOUNDS, start=(9, 3, 0), goal_area=(5, 3, 5, 3)), "not in free space"),
         (World("goal", BOUNDS, start=(1, 3, 0), goal_area=(9, 3, 9, 3)), "not connected"),
         (World("goal", BOUNDS, start=(1, 3, 0), goal_area=(7, 3, 9, 5)), "no goal in its goal"),
+        (World("start", BOUNDS, start_area=(7, 3, 9, 5)), "no start in its start area"),
+        (
+            World("split", BOUNDS, segments=WALL, start_area=(1, 1, 2, 2), goal_area=(4, 1, 5, 5)),
+            "no goal in its goal area",
+        ),
     ],
 )
 def test_unusable_world_is_refused(world: World, message: str) -> None:
@@ -271,6 +304,31 @@ def test_path_around_a_wall() -> None:
     # Cells are free or not as their centres are: a path may cut the corner by a cell's half
     # diagonal, which saves less than 1 %; 8 % is the most that 8 directions can cost.
     assert 0.99 * shortest <= found <= 1.08 * shortest
+
+
+def test_path_has_its_ends_and_its_length() -> None:
+    world = World("wall", BOUNDS, segments=np.array([[3.0, -1.0, 3.0, 4.0]]))
+    space = free_space(world, RADIUS)
+    path = shortest_path(space, (1.02, 1.03), (5.01, 1.04))
+    assert path[0].tolist() == [1.02, 1.03]
+    assert path[-1].tolist() == [5.01, 1.04]
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    assert length == shortest_path_length(space, (1.02, 1.03), (5.01, 1.04))
+    assert shortest_path(space, (1.0, 1.0), (9.0, 1.0)).shape == (0, 2)
+
+
+def test_cells_inside_polygons_are_not_free() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        # Star-shaped (no gap of half a turn), and partly outside the bounds.
+        count = rng.integers(3, 9)
+        angles = (2.0 * np.arange(count) + rng.uniform(0.0, 1.0, count)) * np.pi / count
+        around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        polygon = rng.uniform(0.0, 6.0, 2) + rng.uniform(0.5, 3.0, (len(angles), 1)) * around
+        space = free_space(World("polygon", BOUNDS, polygons=(polygon,)), 1e-9)
+        rows, columns = np.indices(space.free.shape)
+        inside = points_in_polygon(space.centre(rows.ravel(), columns.ravel()), polygon)
+        assert (space.free.ravel() == ~inside).all()
 
 
 def test_no_path() -> None:

@@ -24,14 +24,6 @@ def test_table_names_every_suite() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(SUITES))
-def test_same_seed_same_world_other_seed_other_world(name: str) -> None:
-    one, two, other = (SUITES[name](np.random.default_rng(seed)) for seed in (5, 5, 6))
-    assert one.discs.tolist() == two.discs.tolist()
-    assert [p.tolist() for p in one.polygons] == [p.tolist() for p in two.polygons]
-    assert name == "empty" or one.discs.tolist() != other.discs.tolist()
-
-
-@pytest.mark.parametrize("name", sorted(SUITES))
 def test_most_draws_can_be_crossed(name: str) -> None:
     assert len(generate_pool(SUITES[name], range(5), radius=0.21)) == 5
 

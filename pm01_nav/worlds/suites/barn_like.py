@@ -1,19 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Families of generated worlds. A generator draws one world from the random numbers it is given.
-
-Nothing here checks that a world can be crossed: ``pool.generate_pool`` draws again until it can.
-"""
+"""Worlds of BARN's kind: fields of cylinders, grown by a cellular automaton."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pm01_nav.geometry import rectangle
 from pm01_nav.worlds import barn
+from pm01_nav.worlds.barn_grid import outer_walls
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -30,54 +25,6 @@ BARN_RADIUS = 0.075
 BARN_FILL = (0.15, 0.20, 0.23, 0.27)
 BARN_WAY = 5
 """Cells across the square that must pass: Perille et al. keep 2 free on each side of the path."""
-
-
-def empty(rng: np.random.Generator) -> World:
-    """Return a square room without obstacles; ``rng`` is not used."""
-    del rng
-    return World("empty", (0.0, 0.0, 10.0, 10.0), segments=_room(0.0, 0.0, 10.0, 10.0))
-
-
-def static(rng: np.random.Generator) -> World:
-    """Draw a square room with discs and turned boxes."""
-    # How many: uniform on 4 ... 12 and 0 ... 3.
-    num_discs, num_boxes = rng.integers(4, 13), rng.integers(0, 4)
-    # Centres U(0.5, 9.5)^2 m; radii U(0.15, 0.5) m.
-    discs = np.column_stack(
-        [rng.uniform(0.5, 9.5, (num_discs, 2)), rng.uniform(0.15, 0.5, num_discs)]
-    )
-    boxes = tuple(_draw_box(rng) for _ in range(num_boxes))
-    walls = _room(0.0, 0.0, 10.0, 10.0)
-    return World("static", (0.0, 0.0, 10.0, 10.0), discs=discs, polygons=boxes, segments=walls)
-
-
-def _draw_box(rng: np.random.Generator) -> FloatArray:
-    # Centre U(0.5, 9.5)^2 m; sides U(0.3, 1.2) m; yaw U(-pi, pi).
-    x, y = rng.uniform(0.5, 9.5, 2)
-    length, width = rng.uniform(0.3, 1.2, 2)
-    return rectangle(x, y, length, width, rng.uniform(-np.pi, np.pi))
-
-
-def article(rng: np.random.Generator) -> World:
-    """Draw a room to cross from a fixed start, with a few discs on the way."""
-    bounds = (-1.5, -3.5, 8.5, 3.5)
-    # How many: uniform on 0 ... 6.
-    num_discs = rng.integers(0, 7)
-    discs: list[tuple[float, float, float]] = []
-    while len(discs) < num_discs:
-        # Centre uniform in the room, radius U(0.15, 0.4) m; drawn again near the start.
-        x, y = rng.uniform(bounds[:2], bounds[2:])
-        radius = rng.uniform(0.15, 0.4)
-        if np.hypot(x, y) - radius >= 0.8:
-            discs.append((x, y, radius))
-    return World(
-        "article",
-        bounds,
-        discs=np.array(discs).reshape(-1, 3),
-        segments=_room(*bounds),
-        start=(0.0, 0.0, 0.0),
-        goal_area=(3.0, -2.0, 7.0, 2.0),
-    )
 
 
 def barn_like(rng: np.random.Generator) -> World:
@@ -98,7 +45,7 @@ def barn_like(rng: np.random.Generator) -> World:
     inside = ndimage.binary_erosion(solid, np.ones((3, 3))).astype(np.bool_)
     row, column = np.nonzero(solid & ~inside)
     blobs = np.stack([-4.425 + BARN_CELL * row, 5.175 + BARN_CELL * column], axis=1)
-    places = np.concatenate([_barn_walls(), blobs])
+    places = np.concatenate([outer_walls(), blobs])
     discs = np.column_stack([places, np.full(len(places), BARN_RADIUS)])
     goal_area = (*barn.GOAL, *barn.GOAL)
     return World("barn_like", barn.BOUNDS, discs=discs, start=barn.START, goal_area=goal_area)
@@ -137,30 +84,3 @@ def _cheapest_way(solid: BoolArray, rng: np.random.Generator) -> BoolArray:
         way[row - half : row + half + 1, max(column - half, 0) : column + half + 1] = True
         row += int(step[row, column])
     return way
-
-
-def _barn_walls() -> FloatArray:
-    """Return the 96 wall cylinders outside the grid, whose own side walls are 60 more.
-
-    Back wall y = 0.075, side walls x = -4.425 and -0.075 from there to the grid; shape (96, 2) [m].
-    """
-    across = -4.425 + BARN_CELL * np.arange(BARN_SIZE)
-    along = 0.075 + BARN_CELL * np.arange(1, 34)
-    back = np.stack([across, np.full(len(across), 0.075)], axis=1)
-    sides = [np.stack([np.full(len(along), x), along], axis=1) for x in (across[0], across[-1])]
-    return np.concatenate([back, *sides])
-
-
-def _room(x_min: float, y_min: float, x_max: float, y_max: float) -> FloatArray:
-    """Return the four walls of a room as segments, shape (4, 4) [m]."""
-    corners = [(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max)]
-    return np.array([(*corners[k - 1], *corners[k]) for k in range(4)])
-
-
-SUITES: dict[str, Callable[[np.random.Generator], World]] = {
-    "empty": empty,
-    "static": static,
-    "article": article,
-    "barn_like": barn_like,
-}
-"""Generators by name; ``generate_pool`` turns one and a range of seeds into a pool."""

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A memory of the places where the robot has been, for policies without a map.
+
+A robot that sees only what is around it and where the goal lies drives into the same dead end
+again and again. It knows from its odometry where it has been, so the observation can tell it which
+directions are new. Environments have the same from the simulator (``sim.trail``).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pm01_nav.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TrailLayout:
+    """How a trail is kept and shown."""
+
+    sectors: int = 18
+    """Equal sectors around the robot, the first one behind, counter-clockwise."""
+    interval_steps: int = 10
+    """Control steps between two noted places."""
+    capacity: int = 128
+    """Places remembered; then the oldest is forgotten."""
+    reach: float = 3.0
+    """Places further away than this do not count [m]."""
+    near: float = 0.5
+    """Nearer than this a place counts the less the nearer it is: it has no clear direction [m]."""
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that are not positive.
+
+        Raises:
+            InputError: names the first one.
+        """
+        for name, value in asdict(self).items():
+            if not 0 < value < math.inf:
+                raise InputError(f"trail.{name} = {value}: must be above 0")
+
+
+def visited_sectors(
+    layout: TrailLayout, places: FloatArray, noted: NDArray[np.bool_], pose: FloatArray
+) -> NDArray[np.float32]:
+    """Return how much of the trail lies in each sector, 0 to 1, shape (n, sectors).
+
+    ``places`` (n, capacity, 2) [m] of which those ``noted`` (n, capacity) count, ``pose`` (n, 3)
+    [m, m, rad] in the same frame. A place counts min(d / near, 1) (1 - d / reach) at the distance
+    d, shared between the two sectors whose middles are next to its direction; a sector's sum s is
+    shown as s / (1 + s).
+    """
+    offset = places - pose[:, None, :2]
+    distance = np.hypot(offset[..., 0], offset[..., 1])
+    weight = np.minimum(distance / layout.near, 1.0) * (1.0 - distance / layout.reach)
+    weight = np.where(noted, np.maximum(weight, 0.0), 0.0)
+    bearing = np.arctan2(offset[..., 1], offset[..., 0]) - pose[:, None, 2]
+    place = (bearing / (2.0 * np.pi) + 0.5) * layout.sectors - 0.5
+    right = np.floor(place)
+    share = place - right
+    row = layout.sectors * np.arange(len(pose))[:, None]
+    sums = np.zeros(len(pose) * layout.sectors)
+    for sector, part in ((right, 1.0 - share), (right + 1.0, share)):
+        index = row + sector.astype(np.int64) % layout.sectors
+        sums += np.bincount(index.ravel(), (weight * part).ravel(), len(sums))
+    sums = sums.reshape(len(pose), layout.sectors)
+    return (sums / (1.0 + sums)).astype(np.float32)
+
+
+class Trail:
+    """The trails of n robots, kept by dead reckoning from their measured velocities."""
+
+    def __init__(self, layout: TrailLayout, control_dt: float, count: int) -> None:
+        """Begin ``count`` trails where the robots stand; ``control_dt`` [s] from step to step."""
+        self.layout = layout
+        self._dt = control_dt
+        self._pose = np.zeros((count, 3))
+        self._velocity: FloatArray | None = None
+        self._places = np.zeros((count, layout.capacity, 2))
+        self._steps = 0
+        self._noted = 0
+
+    def follow(self, velocity: ArrayLike) -> NDArray[np.float32]:
+        """Move on by one control step; return ``visited_sectors``, shape (n, sectors).
+
+        ``velocity`` (n, 2): measured v and w [m/s, rad/s] now. The first call moves nothing.
+        """
+        velocity = np.asarray(velocity, dtype=np.float64)
+        if self._velocity is not None:
+            self._pose = _moved(self._pose, 0.5 * (self._velocity + velocity), self._dt)
+        self._velocity = velocity.copy()
+        if self._steps % self.layout.interval_steps == 0:
+            self._places[:, self._noted % self.layout.capacity] = self._pose[:, :2]
+            self._noted += 1
+        self._steps += 1
+        noted = np.arange(self.layout.capacity) < self._noted
+        return visited_sectors(
+            self.layout, self._places, np.broadcast_to(noted, self._places.shape[:2]), self._pose
+        )
+
+
+def _moved(pose: FloatArray, twist: FloatArray, dt: float) -> FloatArray:
+    """Return poses after an arc of constant twist."""
+    turn = twist[:, 1] * dt
+    chord = twist[:, 0] * dt * np.sinc(0.5 * turn / np.pi)
+    along = pose[:, 2] + 0.5 * turn
+    step: Any = [chord * np.cos(along), chord * np.sin(along), turn]
+    return pose + np.stack(step, axis=-1)

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One entry to all files of single worlds: read by the ending of the name, write by format."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from pm01_nav.config import write_atomically
+from pm01_nav.errors import InputError
+from pm01_nav.geometry import points_in_polygon
+from pm01_nav.worlds.barn_grid import read_barn_grid
+from pm01_nav.worlds.documents import load_yaml
+from pm01_nav.worlds.mjcf import world_to_mjcf
+from pm01_nav.worlds.ros_map import read_ros_map
+from pm01_nav.worlds.ros_map_writer import RESOLUTION, write_ros_map
+from pm01_nav.worlds.sdf import BAND, read_sdf_world
+from pm01_nav.worlds.sdf_writer import world_to_sdf
+from pm01_nav.worlds.world import World
+from pm01_nav.worlds.yaml_world import read_yaml_world, write_yaml_world
+
+WORLD_FORMATS = ("yaml", "map", "sdf", "mjcf")
+
+
+def read_world(
+    path: str | Path,
+    *,
+    model_folders: Iterable[str | Path] = (),
+    z_min: float = BAND[0],
+    z_max: float = BAND[1],
+    strict: bool = False,
+) -> World:
+    """Read a world from our YAML, a ROS map, SDF, or a BARN grid.
+
+    A YAML file with the key ``image`` is a ROS map. The other arguments are for SDF; see
+    ``read_sdf_world``. Files of many worlds have their own readers: ``load_barn``,
+    ``read_dynabarn``.
+
+    Raises:
+        InputError: the file cannot be read, is of another kind, or is wrong; an obstacle stands on
+            the start.
+    """
+    path = Path(path)
+    world = _read(path, model_folders, (z_min, z_max), strict)
+    obstacle = None if world.start is None else _obstacle_at(world, *world.start[:2])
+    if obstacle is not None:
+        raise InputError(f"{path}: start = {world.start}: lies in {obstacle}; it must be free")
+    return world
+
+
+def _read(
+    path: Path, model_folders: Iterable[str | Path], band: tuple[float, float], strict: bool
+) -> World:
+    suffix = path.suffix.lower()
+    if suffix in (".yaml", ".yml"):
+        return read_ros_map(path) if "image" in load_yaml(path) else read_yaml_world(path)
+    if suffix in (".sdf", ".world"):
+        return read_sdf_world(
+            path, model_folders=model_folders, z_min=band[0], z_max=band[1], strict=strict
+        )
+    if suffix == ".npy":
+        return read_barn_grid(path)
+    allowed = ".yaml (a world or a ROS map), .sdf, .world, .npy (a BARN grid)"
+    raise InputError(f"{path}: unknown kind of world; allowed: {allowed}")
+
+
+def _obstacle_at(world: World, x: float, y: float) -> str | None:
+    """Name the static obstacle that a point lies in, None where there is none."""
+    gaps = np.hypot(world.discs[:, 0] - x, world.discs[:, 1] - y) - world.discs[:, 2]
+    if len(gaps) and gaps.min() < 0.0:
+        return f"discs[{int(gaps.argmin())}]"
+    for index, polygon in enumerate(world.polygons):
+        if points_in_polygon(np.array([[x, y]]), polygon)[0]:
+            return f"polygons[{index}]"
+    if world.grid is not None:
+        column = int(np.floor((x - world.grid.origin[0]) / world.grid.resolution))
+        row = int(np.floor((y - world.grid.origin[1]) / world.grid.resolution))
+        height, width = world.grid.occupied.shape
+        if 0 <= row < height and 0 <= column < width and world.grid.occupied[row, column]:
+            return "a solid cell of the map"
+    return None
+
+
+def write_world(
+    world: World, path: str | Path, format: str, *, resolution: float = RESOLUTION
+) -> None:
+    """Write a world as ``yaml``, ``map`` (ROS), ``sdf`` or ``mjcf``.
+
+    A map, or a YAML world with a grid, puts more files beside ``path``. ``resolution`` [m] is for
+    maps.
+
+    Raises:
+        InputError: the format is unknown, the folder does not exist, or the world does not fit.
+    """
+    path = Path(path)
+    if format not in WORLD_FORMATS:
+        raise InputError(f"format = {format!r}: unknown; allowed: {', '.join(WORLD_FORMATS)}")
+    if not path.resolve().parent.is_dir():
+        raise InputError(f"{path}: its folder does not exist")
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give the name of a file")
+    if format == "yaml":
+        write_yaml_world(world, path)
+    elif format == "map":
+        write_ros_map(world, path, resolution)
+    else:
+        text = world_to_sdf(world) if format == "sdf" else world_to_mjcf(world)
+        write_atomically(path, text)

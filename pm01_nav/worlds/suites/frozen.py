@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the held-out worlds of each suite are, as one hash a suite.
+
+Results on held-out worlds can be compared as long as the hashes stay. Who changes a generator, or
+the rule by which ``generate_pool`` draws again, changes them: then the results of before no longer
+count, and the changelog must say so. To renew the table, put in place of it what this prints:
+
+    python -m pm01_nav.worlds.suites.frozen
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pm01_nav.worlds.pool import generate_pool
+from pm01_nav.worlds.suites import SUITES
+from pm01_nav.worlds.world import World
+
+SEEDS = range(1, 129, 2)
+"""The first 64 held-out seeds."""
+RADIUS = 0.27
+"""Of pm01 with the margin that tasks keep [m]: it decides which draws can be crossed."""
+DIGITS = 6
+"""Numbers are rounded to so many decimals, since the last bits differ between platforms."""
+
+FROZEN: dict[str, str] = {
+    "empty": "a0e178d46efa40e2633f7335eebde67bf97229793f74c1c2909aa84919258784",
+    "static": "48aff46f09a49f5b4c911086356f7063164f3ebd1de34a0cbc3a4e9b84ef6bc2",
+    "article": "698aed3d74a87fa78c8366822237c7a42c1533419f28dc7ae1ce4224ad927125",
+    "barn_like": "a779dcf47f1ec0b0c7eb8934d95351199300552248829aba36aa315fbe9d5884",
+    "corridors": "227249e33609d86c497da562594e9c11333c7d9e7aecbd97a512ac37eb876896",
+    "rooms": "edda8dc7e69eaa2f90bf053508233cbf118190535ed6dc1adb437439e5048aee",
+    "maze": "03f3dd1328e4963fa49222b421a99f24f145d39cfbca8d0f75c1f613cb1ee421",
+    "u_traps": "c73950f4ba12d47c942911ae517eb0646b954613a08f22b3ae024f8753627393",
+    "crowd": "94f37fe9abb65617c7ebb4c0b34415ecf5a7a2366cfb0951642648e7edcb7b24",
+    "warehouse": "e0e5939665fe45597e942c2e6994e2697d70f86158585ad1062f21bdb5a4810f",
+    "mixed": "f3196e82a16ef28be1d9a8be56683a7dca746d73fc0d76a05d0943f66f8753f4",
+}
+"""``suite_hash`` of each suite."""
+
+
+def suite_hash(name: str) -> str:
+    """Return the SHA-256 of the first held-out worlds of a suite, in hexadecimal."""
+    return worlds_hash(generate_pool(SUITES[name], SEEDS, RADIUS).worlds)
+
+
+def worlds_hash(worlds: Iterable[World]) -> str:
+    """Return the SHA-256 of worlds, in hexadecimal; it covers all that a ``World`` holds."""
+    digest = hashlib.sha256()
+    for world in worlds:
+        digest.update(f"{world.name}\0".encode())
+        for numbers in _numbers(world):
+            array = np.asarray(numbers, dtype=np.float64)
+            digest.update(f"{array.shape}\0".encode())
+            digest.update(np.rint(array * 10**DIGITS).astype("<i8").tobytes())
+        for mover in world.movers:
+            digest.update(f"{mover.motion}\0".encode())
+    return digest.hexdigest()
+
+
+def _numbers(world: World) -> list[ArrayLike]:
+    """Return all numbers of a world as arrays, what is missing as an array of size 0."""
+    numbers: list[ArrayLike] = [world.bounds, world.discs, world.segments]
+    numbers += [world.start or (), world.start_area or (), world.goal_area or ()]
+    numbers += [len(world.polygons), *world.polygons]
+    for mover in world.movers:
+        numbers += [mover.points, mover.times, (mover.radius, mover.speed, mover.heading)]
+    grid = world.grid
+    if grid is not None:
+        numbers += [grid.occupied, grid.origin, grid.resolution]
+    return numbers
+
+
+if __name__ == "__main__":
+    for suite in SUITES:
+        sys.stdout.write(f'    "{suite}": "{suite_hash(suite)}",\n')
