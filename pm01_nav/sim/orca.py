@@ -98,17 +98,16 @@ def border(planes, row, k, speed_max):
         return 1.0, 0.0
     high = np.sqrt(half_squared)
     low = -high
+    impossible = False
     for j in range(k):
+        # No branches: they would be mispredicted too often.
         slope = planes[row, j, 0] * ny - planes[row, j, 1] * nx
         needed = planes[row, j, 2] - least * (planes[row, j, 0] * nx + planes[row, j, 1] * ny)
-        if abs(slope) <= PARALLEL:
-            if needed > PARALLEL:
-                return 1.0, 0.0
-        elif slope > 0.0:
-            low = max(low, needed / slope)
-        else:
-            high = min(high, needed / slope)
-    return low, high
+        limit = needed / slope
+        low = max(low, limit if slope > PARALLEL else low)
+        high = min(high, limit if slope < -PARALLEL else high)
+        impossible |= (abs(slope) <= PARALLEL) & (needed > PARALLEL)
+    return (1.0 if impossible else low), (0.0 if impossible else high)
 
 
 @compiled(inline=False)

@@ -29,9 +29,11 @@ ARRIVED = 0.3
 PATIENCE, PATIENCE_FACTOR = 5.0, 2.0
 """It gives a place up after so long [s] and so many times what the straight way takes."""
 NEIGHBOURS = 3.0
-"""Whom a pedestrian looks at: all that come nearer within this distance of centres [m]."""
+"""Whom a pedestrian looks at: who comes nearer within this distance of centres [m] ..."""
+ARRIVAL = 4.0
+"""... fast enough to be there within this time [s], twice the horizon of ORCA, ..."""
 BYSTANDERS = 1.5
-"""Within this distance also those that do not come nearer [m]."""
+"""... and everyone within this distance [m]."""
 PARTING = 1.0 / HASTE
 """What overlaps parts at the preferred speed at most, this part of the greatest."""
 WALL_HORIZON = 0.5
@@ -41,7 +43,7 @@ X, Y, VX, VY, RADIUS, FAST, WANT_X, WANT_Y, WALKS = range(9)
 a pedestrian, 0 for others."""
 
 
-@compiled(inline=False)
+@compiled
 def begin_leg(state, i, k, worlds):
     """Send a pedestrian to its next waypoint, or to a place drawn from its world."""
     m = worlds.mover_begin[state.world[i]] + k
@@ -232,7 +234,7 @@ def meet_others(num_movers, crowd, tables):
 def find_pairs(num_movers, tables):
     """Find the pairs of neighbours of which at least one walks; return how many.
 
-    Those that are not coming nearer matter at a short distance only. A pair is always written and
+    Those that do not come nearer matter at a short distance only. A pair is always written and
     only sometimes kept: a branch would be mispredicted too often.
     """
     bodies, pairs, excess = tables.bodies, tables.pairs, tables.reach
@@ -241,9 +243,10 @@ def find_pairs(num_movers, tables):
         for j in range(np.uint64(k)):
             dx, dy = bodies[X, j] - bodies[X, k], bodies[Y, j] - bodies[Y, k]
             vx, vy = bodies[VX, k] - bodies[VX, j], bodies[VY, k] - bodies[VY, j]
-            far = NEIGHBOURS if dx * vx + dy * vy > 0.0 else BYSTANDERS
+            coming = min(ARRIVAL * (dx * vx + dy * vy), NEIGHBOURS * NEIGHBOURS)
+            far_squared = max(coming, BYSTANDERS * BYSTANDERS)
             walkers = bodies[WALKS, j] + bodies[WALKS, k]
-            excess[j] = dx * dx + dy * dy - far * far if walkers > 0.0 else 0.0
+            excess[j] = dx * dx + dy * dy - far_squared if walkers > 0.0 else 0.0
         for j in range(k):
             pairs[count, 0], pairs[count, 1] = j, k
             count += int(excess[j] < 0.0)

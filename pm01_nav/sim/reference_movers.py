@@ -200,7 +200,9 @@ def neighbours(bodies: FloatArray, k: int) -> list[tuple[FloatArray, FloatArray,
     near = []
     for j, other in enumerate(bodies):
         way, velocity = other[:2] - bodies[k, :2], bodies[k, 2:4] - other[2:4]
-        if j != k and np.linalg.norm(way) < (3.0 if way @ velocity > 0.0 else 1.5):
+        distance = float(np.linalg.norm(way))
+        closing = float(way @ velocity) / distance if j != k else 0.0
+        if j != k and (distance < 1.5 or (distance < 3.0 and distance < 4.0 * closing)):
             near.append((way, velocity, float(bodies[k, 4] + other[4])))
     return near
 
