@@ -165,6 +165,13 @@ def test_saved_state_goes_on_as_if_it_had_never_stopped(pool: WorldPool) -> None
     assert_bit_equal(rollout(one, actions(8)[half:]), rollout(two, actions(8)[half:]))
 
 
+def test_saved_state_holds_every_array(pool: WorldPool) -> None:
+    simulator = started(pool, 2, 0).simulator
+    parts = (simulator.state, simulator.errors, simulator.drawn)
+    # No name stands for two arrays.
+    assert len(simulator.arrays()) == sum(len(part) for part in parts)
+
+
 def test_state_of_robots_without_errors_does_not_fit(pool: WorldPool) -> None:
     nominal = NavigationBatch(config("static", None), pool, 8)
     with pytest.raises(ValueError, match="state has"):
