@@ -13,6 +13,7 @@ from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.randomization import RandomizationConfig, default_randomization
 from pm01_nav.task.tasks import task_config
+from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.pool import WorldPool, generate_pool
 from pm01_nav.worlds.suites import SUITES
 from pm01_nav.worlds.world import World
@@ -101,6 +102,27 @@ def test_padded_polygon_keeps_round_corners(make_robot, simulate) -> None:
     robot = make_robot("jackal")
     sim = simulate(robot, world, [0.0, 0.0, 0.0], {"footprint_padding": 0.1})
     assert sim.state.clearance[0] == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("base", ["pm01", "jackal"])
+def test_padded_footprint_meets_movers_earlier(make_robot, simulate, base: str) -> None:
+    ahead = Mover("bounce", 0.3, np.array([[2.0, 0.0]]), speed=1.0, heading=np.pi)
+    world = World("flyer", (-5.0, -5.0, 5.0, 5.0), movers=(ahead,))
+    front = 0.17 if base == "pm01" else 0.229
+    sim = simulate(make_robot(base), world, [0.0, 0.0, 0.0], {"footprint_padding": 0.05})
+    assert sim.state.clearance[0] == pytest.approx(1.7 - front - 0.05)
+
+
+def test_movers_and_robot_share_a_jittering_clock(make_robot, simulate) -> None:
+    aside = Mover("bounce", 0.1, np.array([[0.0, 3.0]]), speed=0.4, heading=0.0)
+    world = World("flyer", (-5.0, -5.0, 5.0, 5.0), movers=(aside,))
+    sim = simulate(make_robot(**AT_ONCE), world, np.zeros((20, 3)), {"control_jitter": 0.3})
+    before = sim.state.mover_position[:, 0, 0].copy()
+    sim.state.twist[:, 0] = 0.5  # Already under way.
+    sim.step(np.tile([0.5, 0.0], (20, 1)))
+    flown = sim.state.mover_position[:, 0, 0] - before
+    assert flown == pytest.approx(0.4 / 0.5 * sim.state.pose[:, 0])
+    assert np.ptp(flown) > 0.005
 
 
 def test_policy_sees_what_is_measured_and_rewards_what_is_true(pool: WorldPool) -> None:
