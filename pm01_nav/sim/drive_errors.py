@@ -8,7 +8,7 @@ import numpy as np
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.dynamics import clip
 from pm01_nav.sim.random import uniform
-from pm01_nav.sim.state import BaseParams, TimeStep
+from pm01_nav.sim.state import BaseParams, CrowdParams, TimeStep
 
 
 @compiled
@@ -84,3 +84,9 @@ def true_time(drawn, i, time, key, count):
     dt = time.dt * (1.0 + drawn.control_jitter[i] * (2.0 * uniform(key, count, i) - 1.0))
     lag = drawn.actuator_lag[i]
     return TimeStep(dt, time.substeps, np.exp(-dt / lag) if lag > 0.0 else 0.0)
+
+
+@compiled
+def true_crowd(crowd, time):
+    """Return how movers are stepped in a control step that takes the ``time`` it takes."""
+    return CrowdParams(crowd.model, crowd.avoid_robot, time.substeps * time.dt)

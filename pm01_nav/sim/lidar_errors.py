@@ -10,8 +10,8 @@ from pm01_nav.sim.lidar import read_scan
 from pm01_nav.sim.random import GOLDEN, ONE, SHIFT_11, UNIT, mix, uniform
 from pm01_nav.sim.state import LidarParams
 
-SEGMENT_NUMBERS, PATCH_NUMBERS, MOVER_NUMBERS = 1 << 40, 2 << 40, 3 << 40
-"""Discs are numbered from 0, so that no two obstacles share a number."""
+SEGMENT_NUMBERS, PATCH_NUMBERS = 1 << 40, 2 << 40
+"""Discs are numbered from 0, segments and patches from these on: no two share a number."""
 PATCH = 0.5
 """A grid is dark in squares of this side [m]."""
 
@@ -43,7 +43,7 @@ def is_dark(errors, drawn, i, number):
     share = drawn.dark_share[i]
     if share == 0.0:
         return False
-    word = mix(errors.dark_key[i] + np.uint64(number + 1) * GOLDEN)
+    word = mix(errors.dark_key[i] + (np.uint64(number) + ONE) * GOLDEN)
     return float(word >> SHIFT_11) * UNIT < share
 
 

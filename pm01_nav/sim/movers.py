@@ -108,7 +108,7 @@ def mover_clearance(x, y, cos, sin, base, state, i, ago):
             dx, dy = to_base(dx, dy, cos, sin)
             distance = point_to_polygon(dx, dy, base) - r
         best = min(best, distance)
-    return best
+    return best - base.padding
 
 
 @compiled(inline=False)

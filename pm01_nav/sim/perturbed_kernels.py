@@ -11,7 +11,7 @@ import numpy as np
 from numba import prange
 
 from pm01_nav.compilation import compiled
-from pm01_nav.sim.drive_errors import begin_commands, drive, true_base, true_time
+from pm01_nav.sim.drive_errors import begin_commands, drive, true_base, true_crowd, true_time
 from pm01_nav.sim.kernels import CHUNK, begin_episode, locate, move, place
 from pm01_nav.sim.lidar import cast_scan, nearest_in_sectors, read_scan
 from pm01_nav.sim.lidar_errors import disturb, hand_out, true_lidar
@@ -41,12 +41,13 @@ def step_some(state, errors, drawn, some, command, base, lidar, worlds, time, cr
     for i in range(some[0], some[1]):
         key, count = state.rng_key, state.rng_count
         x, y, yaw = state.pose[i, 0], state.pose[i, 1], state.pose[i, 2]
-        drift = 0.0
-        if state.mover_count[i] > 0:
-            drift = step_movers(state, i, base, worlds, crowd, tables)
         drive(errors, drawn, i, command, base, key, count)
         own_time = true_time(drawn, i, time, key, count)
         own_base = true_base(drawn, i, base)
+        drift = 0.0
+        if state.mover_count[i] > 0:
+            own_crowd = true_crowd(crowd, own_time)
+            drift = step_movers(state, i, base, worlds, own_crowd, tables)
         move(state, i, errors.command, own_base, worlds, own_time, drift)
         advance_odometry(state, errors, drawn, i, x, y, yaw)
         observe(state, errors, drawn, i, x, y, yaw, own_base, lidar, worlds, trail, False)

@@ -62,7 +62,9 @@ def sweep_scan(state, errors, drawn, i, x, y, yaw, lidar, worlds):
             worlds.discs[k, 0], worlds.discs[k, 1], worlds.discs[k, 2], sweep, lidar, target, i
         )
     for k in range(np.uint64(worlds.segment_begin[w]), np.uint64(worlds.segment_begin[w + 1])):
-        target = dark_ranges if is_dark(errors, drawn, i, SEGMENT_NUMBERS + k) else ranges
+        target = (
+            dark_ranges if is_dark(errors, drawn, i, np.uint64(SEGMENT_NUMBERS) + k) else ranges
+        )
         x1, y1, x2, y2 = segment(worlds, k)
         sweep_segment(x1, y1, x2, y2, sweep, lidar, target, i)
     for k in range(state.mover_count[i]):  # Where they are at the end of the step.

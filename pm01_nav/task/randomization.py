@@ -80,7 +80,8 @@ class RandomizationConfig(FrozenModel):
     dark_share: ShareRange = (0.0, 0.0)
     """Probability that an obstacle is dark: it swallows beams that meet it beyond dark_range.
 
-    An obstacle is a disc, a wall or side of a polygon, or a square of 0.5 m of a grid.
+    An obstacle is a disc, a wall or side of a polygon, or a square of 0.5 m of a grid; those that
+    move are never dark.
     """
     dark_range: LengthRange = (0.0, 0.0)
     """Up to this range a dark obstacle is seen [m]."""

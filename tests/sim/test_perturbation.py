@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pm01_nav.robot import full_circle
+from pm01_nav.robot import full_circle, load_robot
 from pm01_nav.sim.perturbation import Perturbation
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.task.randomization import default_randomization
@@ -14,32 +14,27 @@ from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
 
 N = 10_000
+PM01 = load_robot("pm01")
+ROBOT = PM01.model_copy(update={"lidar": PM01.lidar.model_copy(update=full_circle(1))})
 OPEN = World("open", (-5.0, -5.0, 5.0, 5.0))
 DELAYS = {"command_delay": (0, 3), "scan_delay": (0, 1)}
 RANGES = default_randomization().model_copy(update=DELAYS)
 QUANTITIES = list(Perturbation._fields)
 
 
-def fleet(make_robot, count: int) -> PlanarSimulator:
-    """Return robots with one beam, which have drawn their first errors."""
-    robot = make_robot(lidar=full_circle(1))
-    simulator = PlanarSimulator(robot, build_pool([OPEN], radius=0.01), count)
-    simulator.perturb(RANGES.ranges(robot))
+def fleet(count: int) -> PlanarSimulator:
+    """Return robots that have drawn their first errors."""
+    simulator = PlanarSimulator(ROBOT, build_pool([OPEN], radius=0.01), count)
+    simulator.perturb(RANGES.ranges(ROBOT))
     simulator.seed(np.arange(count))
     simulator.reset()
     return simulator
 
 
 @pytest.fixture(scope="module")
-def drawn(request) -> list[Perturbation]:
+def drawn() -> list[Perturbation]:
     """Return what 10 000 robots drew in their first and in their 30th episode."""
-    from pm01_nav.config import merge, validate
-    from pm01_nav.robot import RobotSpec, load_robot
-
-    def make_robot(**changes):
-        return validate(RobotSpec, merge(load_robot("pm01").model_dump(), changes), "test")
-
-    simulator = fleet(make_robot, N)
+    simulator = fleet(N)
     assert simulator.drawn is not None
     first = Perturbation(*(values.copy() for values in simulator.drawn))
     for _ in range(29):
@@ -79,19 +74,18 @@ def test_robots_and_quantities_are_independent(drawn: list[Perturbation]) -> Non
         assert max(abs(np.corrcoef(a, b)[0, 1]) for a, b in pairs) < 0.05
 
 
-def test_reset_of_some_leaves_the_others_alone(make_robot) -> None:
-    simulator = fleet(make_robot, 6)
+def test_reset_of_some_leaves_the_others_alone() -> None:
+    simulator = fleet(6)
     before = np.array(simulator.drawn)
     simulator.reset(np.array([1, 4]))
     changed = (np.array(simulator.drawn) != before).any(axis=0)
     assert changed.tolist() == [False, True, False, False, True, False]
 
 
-def test_first_episode_is_that_of_a_robot_without_errors(make_robot) -> None:
+def test_first_episode_is_that_of_a_robot_without_errors() -> None:
     # World, start, goal and heading are drawn first, so that both can be compared.
-    perturbed = fleet(make_robot, 20)
-    pool = build_pool([OPEN], radius=0.01)
-    nominal = PlanarSimulator(make_robot(lidar=full_circle(1)), pool, 20)
+    perturbed = fleet(20)
+    nominal = PlanarSimulator(ROBOT, build_pool([OPEN], radius=0.01), 20)
     nominal.seed(np.arange(20))
     nominal.reset()
     assert (perturbed.state.pose == nominal.state.pose).all()

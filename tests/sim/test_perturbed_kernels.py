@@ -13,6 +13,7 @@ from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.randomization import RandomizationConfig, default_randomization
 from pm01_nav.task.tasks import task_config
+from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.pool import WorldPool, generate_pool
 from pm01_nav.worlds.suites import SUITES
 from pm01_nav.worlds.world import World
@@ -103,6 +104,27 @@ def test_padded_polygon_keeps_round_corners(make_robot, simulate) -> None:
     assert sim.state.clearance[0] == pytest.approx(0.4)
 
 
+@pytest.mark.parametrize("base", ["pm01", "jackal"])
+def test_padded_footprint_meets_movers_earlier(make_robot, simulate, base: str) -> None:
+    ahead = Mover("bounce", 0.3, np.array([[2.0, 0.0]]), speed=1.0, heading=np.pi)
+    world = World("flyer", (-5.0, -5.0, 5.0, 5.0), movers=(ahead,))
+    front = 0.17 if base == "pm01" else 0.229
+    sim = simulate(make_robot(base), world, [0.0, 0.0, 0.0], {"footprint_padding": 0.05})
+    assert sim.state.clearance[0] == pytest.approx(1.7 - front - 0.05)
+
+
+def test_movers_and_robot_share_a_jittering_clock(make_robot, simulate) -> None:
+    aside = Mover("bounce", 0.1, np.array([[0.0, 3.0]]), speed=0.4, heading=0.0)
+    world = World("flyer", (-5.0, -5.0, 5.0, 5.0), movers=(aside,))
+    sim = simulate(make_robot(**AT_ONCE), world, np.zeros((20, 3)), {"control_jitter": 0.3})
+    before = sim.state.mover_position[:, 0, 0].copy()
+    sim.state.twist[:, 0] = 0.5  # Already under way.
+    sim.step(np.tile([0.5, 0.0], (20, 1)))
+    flown = sim.state.mover_position[:, 0, 0] - before
+    assert flown == pytest.approx(0.4 / 0.5 * sim.state.pose[:, 0])
+    assert np.ptp(flown) > 0.005
+
+
 def test_policy_sees_what_is_measured_and_rewards_what_is_true(pool: WorldPool) -> None:
     wrong = RandomizationConfig(
         goal_error=(0.5, 0.5), odometry_scale=(0.8, 0.8), lidar_dropout=(1.0, 1.0)
@@ -163,6 +185,13 @@ def test_saved_state_goes_on_as_if_it_had_never_stopped(pool: WorldPool) -> None
     rollout(one, actions(8)[:half])
     two.load_state_dict(one.state_dict())
     assert_bit_equal(rollout(one, actions(8)[half:]), rollout(two, actions(8)[half:]))
+
+
+def test_saved_state_holds_every_array(pool: WorldPool) -> None:
+    simulator = started(pool, 2, 0).simulator
+    parts = (simulator.state, simulator.errors, simulator.drawn)
+    # No name stands for two arrays.
+    assert len(simulator.arrays()) == sum(len(part) for part in parts)
 
 
 def test_state_of_robots_without_errors_does_not_fit(pool: WorldPool) -> None:
