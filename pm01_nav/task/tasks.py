@@ -9,6 +9,7 @@ from typing import Any
 from pm01_nav.errors import InputError
 from pm01_nav.robot import full_circle
 from pm01_nav.task.config import ObservationConfig, RewardTerm, TaskConfig
+from pm01_nav.task.trail import TrailLayout
 
 TaskFactory = Callable[[], TaskConfig]
 TASKS: dict[str, TaskFactory] = {}
@@ -91,47 +92,59 @@ def empty() -> TaskConfig:
     return navigation("empty", num_worlds=1)
 
 
+def _winding(suite: str, **changes: Any) -> TaskConfig:
+    """A task whose ways wind: paid by progress along the way, with a memory of places.
+
+    On ``u_traps`` 3 M steps reached 31 % of the held-out goals with progress along the straight
+    line, 92 % with progress along the way, and 94 % with the trail as well.
+    """
+    rewards = safe_rewards()
+    rewards["path_progress"] = rewards.pop("progress")
+    observation = ObservationConfig(trail=TrailLayout())
+    return navigation(suite, observation=observation, rewards=rewards, **changes)
+
+
 @task
 def corridors() -> TaskConfig:
     """Corridors between solid blocks, with dead ends and things left standing."""
-    return navigation("corridors")
+    return _winding("corridors")
 
 
 @task
 def rooms() -> TaskConfig:
     """A flat or an office: rooms with doors and furniture, some along a hall."""
-    return navigation("rooms")
+    return _winding("rooms")
 
 
 @task
 def maze() -> TaskConfig:
     """A maze with passages 0.85 to 1.6 m wide; the way is often several times the distance."""
     # In 500 steps at 0.5 m/s one drives 25 m; of 3500 shortest ways 1 % were above 28 m.
-    return navigation("maze", time_limit_steps=1000)
+    return _winding("maze", time_limit_steps=1000)
 
 
 @task
 def u_traps() -> TaskConfig:
     """Dead ends between start and goal that must be left or gone around."""
-    return navigation("u_traps")
+    return _winding("u_traps")
 
 
 @task
 def crowd() -> TaskConfig:
     """A lightly furnished room with about ten pedestrians."""
-    return navigation("crowd")
+    return _winding("crowd")
 
 
 @task
 def warehouse() -> TaskConfig:
     """Rows of shelves with moving carts and a few workers."""
-    return navigation("warehouse")
+    return _winding("warehouse")
 
 
 @task
 def mixed() -> TaskConfig:
     """Worlds of the suites from static to warehouse, drawn by fixed weights."""
-    return navigation("mixed", time_limit_steps=1000)
+    return _winding("mixed", time_limit_steps=1000)
 
 
 @task
