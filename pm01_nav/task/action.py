@@ -22,9 +22,10 @@ class ActionLimits:
         """Return (v, w) [m/s, rad/s] of actions (..., 2) in [-1, 1]."""
         xp = action.__array_namespace__()
         half = 0.5 * (self.linear_max - self.linear_min)
-        scale = xp.asarray([half, self.angular_max], dtype=action.dtype)
-        middle = xp.asarray([self.linear_min + half, 0.0], dtype=action.dtype)
-        return middle + scale * action
+        command = xp.empty_like(action)
+        command[..., 0] = half * action[..., 0] + (self.linear_min + half)
+        command[..., 1] = self.angular_max * action[..., 1]
+        return command
 
     def to_action(self, command: Any) -> Any:
         """Return the actions (..., 2) that stand for commands (..., 2) within the limits."""

@@ -94,6 +94,8 @@ class NavigationBatch:
         # Attributes of pydantic models are slow to read.
         self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
         self._scale = np.array(self.layout.scale, dtype=np.float32)
+        other_than_one = np.flatnonzero(self._scale != 1.0)
+        self._scaled = slice(other_than_one[0], other_than_one[-1] + 1)
         self._count = np.zeros(num_envs, dtype=np.int64)
         self._action = np.zeros((num_envs, 2))
         self._term_sums = np.zeros((len(config.rewards), num_envs))
@@ -122,7 +124,7 @@ class NavigationBatch:
             sim.state.visited[indices],
         )
         if self.layout.normalize:
-            observation /= self._scale
+            observation[:, self._scaled] /= self._scale[self._scaled]
         return observation
 
     def advance(self, command: NDArray[np.float64]) -> Step:

@@ -208,28 +208,24 @@ def build_observation(
     if layout.nearness_distance > 0.0:
         distance = layout.nearness_distance
         ranges = (distance - ranges) / (distance + ranges)
-    limits = layout.limits
-    parts = [ranges, xp.minimum(goal[..., :1], layout.goal_distance_max)]
-    if layout.goal == "polar":
-        parts.append(goal[..., 1:])
-    else:
-        parts += [xp.sin(goal[..., 1:]), xp.cos(goal[..., 1:])]
-    low = xp.asarray([limits.linear_min, -limits.angular_max], dtype=velocity.dtype)
-    high = xp.asarray([limits.linear_max, limits.angular_max], dtype=velocity.dtype)
-    parts.append(_clip(xp, velocity, low, high))
+    limits, bearing = layout.limits, goal[..., 1]
+    # Column by column: numpy is slow on rows of one or two numbers.
+    columns = [xp.minimum(goal[..., 0], layout.goal_distance_max)]
+    columns += [bearing] if layout.goal == "polar" else [xp.sin(bearing), xp.cos(bearing)]
+    columns.append(_clip(xp, velocity[..., 0], limits.linear_min, limits.linear_max))
+    columns.append(_clip(xp, velocity[..., 1], -limits.angular_max, limits.angular_max))
     if layout.previous_action:
-        parts.append(previous_action)
-    if layout.trail is not None:
-        parts.append(visited)
+        columns += [previous_action[..., 0], previous_action[..., 1]]
     observation = xp.empty((*nearest.shape[:-1], layout.size), dtype=xp.float32)
-    begin = 0
-    for part in parts:
-        end = begin + part.shape[-1]
-        observation[..., begin:end] = part
-        begin = end
+    begin = ranges.shape[-1]
+    observation[..., :begin] = ranges
+    for k, column in enumerate(columns, start=begin):
+        observation[..., k] = column
+    if layout.trail is not None:
+        observation[..., begin + len(columns) :] = visited
     return observation
 
 
-def _clip(xp: Any, values: Any, low: Any, high: Any) -> Any:
+def _clip(xp: Any, values: Any, low: float, high: float) -> Any:
     # Two plain calls: numpy's clip costs more than the rest of a small observation together.
     return xp.minimum(xp.maximum(values, low), high)

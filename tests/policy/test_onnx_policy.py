@@ -122,7 +122,7 @@ def test_greedy_action_of_training_is_the_command(static: Exported) -> None:
 
 
 def test_act_in_the_file_and_in_training_agree(static: Exported, scan) -> None:
-    one, two = OnnxPolicy(static.path), greedy_policy(static.policy, static.layout)
+    one, two = OnnxPolicy(static.path), greedy_policy(static.policy, static.layout, 0.1)
     for k in range(5):
         goal, velocity = (3.0 - 0.5 * k, 0.4 * k - 1.0), (0.1 * k, -0.2 * k)
         first, second = one.act(scan, goal, velocity), two.act(scan, goal, velocity)
@@ -156,7 +156,7 @@ def test_last_action_is_remembered_until_reset(static: Exported, scan) -> None:
 
 def test_goal_is_taken_as_x_forward_y_left(static: Exported, scan) -> None:
     seen = []
-    policy = greedy_policy(static.policy, static.layout)
+    policy = greedy_policy(static.policy, static.layout, 0.1)
     network = policy._network
     policy._network = lambda batch: seen.append(batch[0]) or network(batch)
     policy.act(scan, (0.0, 2.0), (0.3, -0.7))
