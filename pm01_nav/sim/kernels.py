@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Step and reset the whole batch: one parallel loop over environments."""
+"""Step and reset the whole batch: one parallel loop over environments.
+
+For worlds in which nothing moves and robots without errors; ``crowd_kernels`` and
+``perturbed_kernels`` are for the others, and are compiled only where they are needed.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,8 @@ from pm01_nav.compilation import compiled
 from pm01_nav.sim.collision import clearance, polar
 from pm01_nav.sim.dynamics import arc, clip, next_speed, wrap
 from pm01_nav.sim.lidar import add_noise, cast_scan, nearest_in_sectors, read_scan
-from pm01_nav.sim.mover_starts import place_start
-from pm01_nav.sim.movers import cast_movers, mover_clearance, step_movers
+from pm01_nav.sim.movers import cast_movers, mover_clearance
 from pm01_nav.sim.path_distance import read_distance, spread_distance
-from pm01_nav.sim.pedestrians import new_tables
 from pm01_nav.sim.random import draw_row, uniform
 from pm01_nav.sim.trail import begin_trail, follow_trail
 
@@ -23,50 +25,37 @@ GOAL_DRAWS = 256
 """Draws of a goal at an allowed distance; then the one that misses it least is taken."""
 
 
-@compiled(parallel=True, allocates=True)
-def step_batch(state, command, base, lidar, worlds, time, crowd, trail):
+@compiled(parallel=True)
+def step_batch(state, command, base, lidar, worlds, time, trail):
     """Apply one command (num_envs, 2) [m/s, rad/s] to every environment for a control step."""
     num_envs = state.pose.shape[0]
     for chunk in prange((num_envs + CHUNK - 1) // CHUNK):
         begin, end = chunk * CHUNK, min((chunk + 1) * CHUNK, num_envs)
-        tables = new_tables(state.mover_position.shape[1])
-        step_some(state, begin, end, command, base, lidar, worlds, time, crowd, trail, tables)
+        for i in range(begin, end):
+            move(state, i, command, base, worlds, time, 0.0)
+        observe(state, begin, end, base, lidar, worlds, trail)
 
 
-@compiled(inline=False)
-def step_some(state, begin, end, command, base, lidar, worlds, time, crowd, trail, tables):
-    """Step the environments ``begin`` to ``end``; ``tables`` is room for their movers."""
-    for i in range(begin, end):
-        drift = 0.0
-        if state.mover_count[i] > 0:
-            drift = step_movers(state, i, base, worlds, crowd, tables)
-        move(state, i, command, base, worlds, time, drift)
-        observe(state, i, base, lidar, worlds, trail)
-
-
-def _reset(state, indices, base, lidar, worlds, trail, goal_distance, scratch):
+@compiled
+def reset_some(state, indices, base, lidar, worlds, trail, goal_distance, scratch):
     """Start a new episode in the environments ``indices`` (n,).
 
     ``goal_distance`` (2,): least and greatest distance from the start to the goal [m].
     """
-    for k in prange(indices.shape[0]):
-        i = indices[k]
-        place(state, i, base, worlds, goal_distance)
+    for i in indices:
+        choose_world(state, i, worlds)
+        x, y = draw_start(state, i, worlds)
+        place(state, i, x, y, worlds, goal_distance)
         begin_episode(state, i, worlds, scratch)
-        observe(state, i, base, lidar, worlds, trail)
+        observe(state, i, i + 1, base, lidar, worlds, trail)
 
 
-reset_many = compiled(parallel=True)(_reset)
-# Waking the other threads takes longer than a few resets.
-reset_few = compiled(_reset)
-
-
-@compiled(parallel=True)
-def observe_batch(state, indices, base, lidar, worlds, trail, scratch):
+@compiled
+def observe_some(state, indices, base, lidar, worlds, trail, scratch):
     """Begin episodes in environments whose poses and goals were set from outside."""
-    for k in prange(indices.shape[0]):
-        begin_episode(state, indices[k], worlds, scratch)
-        observe(state, indices[k], base, lidar, worlds, trail)
+    for i in indices:
+        begin_episode(state, i, worlds, scratch)
+        observe(state, i, i + 1, base, lidar, worlds, trail)
 
 
 @compiled
@@ -110,21 +99,25 @@ def move(state, i, command, base, worlds, time, drift):
     state.twist[i, 0], state.twist[i, 1] = v, w
 
 
-@compiled
-def observe(state, i, base, lidar, worlds, trail):
-    """Measure scan, clearance and goal of one environment at its pose."""
-    x, y = state.pose[i, 0], state.pose[i, 1]
-    cos, sin = state.heading[i, 0], state.heading[i, 1]
-    locate(state, i, base, worlds)
-    cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], state.ranges, i)
-    if state.mover_count[i] > 0:
-        cast_movers(x, y, cos, sin, lidar, state, i)
-    if lidar.noise_std > 0.0:
-        add_noise(lidar, state.ranges, state.rng_key, state.rng_count, i)
-    read_scan(lidar, state.ranges, state.scan, i)
-    nearest_in_sectors(state.scan, state.nearest, i)
-    if state.visited.shape[1] > 0:
-        follow_trail(state, i, trail, x, y, cos, sin)
+@compiled(inline=False)
+def observe(state, begin, end, base, lidar, worlds, trail):
+    """Measure scan, clearance and goal of the environments ``begin`` to ``end`` at their poses.
+
+    It stands apart because it takes long to compile and is needed in several kernels.
+    """
+    for i in range(begin, end):
+        x, y = state.pose[i, 0], state.pose[i, 1]
+        cos, sin = state.heading[i, 0], state.heading[i, 1]
+        locate(state, i, base, worlds)
+        cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], state.ranges, i)
+        if state.mover_count[i] > 0:
+            cast_movers(x, y, cos, sin, lidar, state, i)
+        if lidar.noise_std > 0.0:
+            add_noise(lidar, state.ranges, state.rng_key, state.rng_count, i)
+        read_scan(lidar, state.ranges, state.scan, i)
+        nearest_in_sectors(state.scan, state.nearest, i)
+        if state.visited.shape[1] > 0:
+            follow_trail(state, i, trail, x, y, cos, sin)
 
 
 @compiled
@@ -141,7 +134,7 @@ def locate(state, i, base, worlds):
     read_distance(state, i, worlds)
 
 
-@compiled
+@compiled(inline=False)
 def begin_episode(state, i, worlds, scratch):
     """Prepare what one environment remembers and is paid by, once start and goal are known."""
     begin_trail(state, i)
@@ -150,15 +143,28 @@ def begin_episode(state, i, worlds, scratch):
 
 
 @compiled
-def place(state, i, base, worlds, goal_distance):
-    """Draw a world (unless one is fixed), a start, a goal and a heading; stand still there."""
-    key, count = state.rng_key, state.rng_count
-    w = state.world[i]
-    if w < 0:
-        w = np.searchsorted(worlds.cumulative_weight, uniform(key, count, i), side="right")
-        w = min(w, worlds.cumulative_weight.shape[0] - 1)
-        state.world[i] = w
-    x, y = place_start(state, i, base, worlds)
+def choose_world(state, i, worlds):
+    """Draw a world, unless one is fixed."""
+    if state.world[i] < 0:
+        number = uniform(state.rng_key, state.rng_count, i)
+        w = np.searchsorted(worlds.cumulative_weight, number, side="right")
+        state.world[i] = min(w, worlds.cumulative_weight.shape[0] - 1)
+
+
+@compiled
+def draw_start(state, i, worlds):
+    """Draw a start from those of the present world; return x, y [m]."""
+    key, count, w = state.rng_key, state.rng_count, state.world[i]
+    start = draw_row(worlds.start_begin, w, uniform(key, count, i))
+    x = worlds.starts[start, 0] + worlds.jitter[w, 0] * (2.0 * uniform(key, count, i) - 1.0)
+    y = worlds.starts[start, 1] + worlds.jitter[w, 0] * (2.0 * uniform(key, count, i) - 1.0)
+    return x, y
+
+
+@compiled
+def place(state, i, x, y, worlds, goal_distance):
+    """Draw a goal and a heading for a robot that starts at (x, y); stand still there."""
+    key, count, w = state.rng_key, state.rng_count, state.world[i]
     least_miss = np.inf
     for _ in range(GOAL_DRAWS):
         goal = draw_row(worlds.goal_begin, w, uniform(key, count, i))

@@ -6,9 +6,10 @@ from __future__ import annotations
 import numpy as np
 
 from pm01_nav.compilation import compiled
+from pm01_nav.sim.kernels import draw_start
 from pm01_nav.sim.movers import on_track
 from pm01_nav.sim.pedestrians import begin_leg, draw_place, wanted_velocity
-from pm01_nav.sim.random import draw_row, uniform
+from pm01_nav.sim.random import uniform
 from pm01_nav.worlds.mover_arrays import PEDESTRIAN, TRACK
 
 MOVER_DRAWS, START_DRAWS = 4, 16
@@ -46,16 +47,6 @@ def place_start(state, i, base, worlds):
     state.rng_count[i] = after
     make_way(state, i, best_x, best_y, base.radius, worlds)
     return best_x, best_y
-
-
-@compiled
-def draw_start(state, i, worlds):
-    """Draw a start from those of the present world; return x, y [m]."""
-    key, count, w = state.rng_key, state.rng_count, state.world[i]
-    start = draw_row(worlds.start_begin, w, uniform(key, count, i))
-    x = worlds.starts[start, 0] + worlds.jitter[w, 0] * (2.0 * uniform(key, count, i) - 1.0)
-    y = worlds.starts[start, 1] + worlds.jitter[w, 0] * (2.0 * uniform(key, count, i) - 1.0)
-    return x, y
 
 
 @compiled(inline=False)

@@ -12,9 +12,10 @@ from numba import prange
 
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.drive_errors import begin_commands, drive, true_base, true_crowd, true_time
-from pm01_nav.sim.kernels import CHUNK, begin_episode, locate, move, place
+from pm01_nav.sim.kernels import CHUNK, begin_episode, choose_world, locate, move, place
 from pm01_nav.sim.lidar import cast_scan, nearest_in_sectors, read_scan
 from pm01_nav.sim.lidar_errors import disturb, hand_out, true_lidar
+from pm01_nav.sim.mover_starts import place_start
 from pm01_nav.sim.movers import cast_movers, step_movers
 from pm01_nav.sim.odometry import advance_odometry, begin_odometry, measure
 from pm01_nav.sim.pedestrians import new_tables
@@ -24,20 +25,20 @@ from pm01_nav.sim.trail import follow_trail
 
 
 @compiled(parallel=True, allocates=True)
-def step_batch(state, errors, drawn, command, base, lidar, worlds, time, crowd, trail):
+def step_batch(state, errors, drawn, command, base, lidar, worlds, time, trail, crowd):
     """Apply one command (num_envs, 2) [m/s, rad/s] to every environment for a control step."""
     num_envs = state.pose.shape[0]
     for chunk in prange((num_envs + CHUNK - 1) // CHUNK):
         some = chunk * CHUNK, min((chunk + 1) * CHUNK, num_envs)
         tables = new_tables(state.mover_position.shape[1])
         step_some(
-            state, errors, drawn, some, command, base, lidar, worlds, time, crowd, trail, tables
+            state, errors, drawn, some, command, base, lidar, worlds, time, trail, crowd, tables
         )
 
 
 @compiled(inline=False)
-def step_some(state, errors, drawn, some, command, base, lidar, worlds, time, crowd, trail, tables):
-    """Step the environments from the first to the second of ``some``; see ``kernels.step_some``."""
+def step_some(state, errors, drawn, some, command, base, lidar, worlds, time, trail, crowd, tables):
+    """Step the environments from the first to the second of ``some``; see ``crowd_kernels``."""
     for i in range(some[0], some[1]):
         key, count = state.rng_key, state.rng_count
         x, y, yaw = state.pose[i, 0], state.pose[i, 1], state.pose[i, 2]
@@ -53,30 +54,27 @@ def step_some(state, errors, drawn, some, command, base, lidar, worlds, time, cr
         observe(state, errors, drawn, i, x, y, yaw, own_base, lidar, worlds, trail, False)
 
 
-def _reset(
+@compiled
+def reset_some(
     state, errors, drawn, ranges, indices, base, lidar, worlds, trail, goal_distance, scratch
 ):
     """Start a new episode, with new errors, in the environments ``indices`` (n,).
 
     ``ranges`` is what the errors are drawn from; the rest is as for robots without errors.
     """
-    for k in prange(indices.shape[0]):
-        i = indices[k]
-        place(state, i, base, worlds, goal_distance)
+    for i in indices:
+        choose_world(state, i, worlds)
+        x, y = place_start(state, i, base, worlds)
+        place(state, i, x, y, worlds, goal_distance)
         draw_errors(errors, drawn, ranges, state.rng_key, state.rng_count, i)
         begin(state, errors, drawn, i, base, lidar, worlds, trail, scratch)
 
 
-reset_many = compiled(parallel=True)(_reset)
-# Waking the other threads takes longer than a few resets.
-reset_few = compiled(_reset)
-
-
-@compiled(parallel=True)
-def observe_batch(state, errors, drawn, indices, base, lidar, worlds, trail, scratch):
+@compiled
+def observe_some(state, errors, drawn, indices, base, lidar, worlds, trail, scratch):
     """Begin anew at poses that were set from outside, with the errors of the present episodes."""
-    for k in prange(indices.shape[0]):
-        begin(state, errors, drawn, indices[k], base, lidar, worlds, trail, scratch)
+    for i in indices:
+        begin(state, errors, drawn, i, base, lidar, worlds, trail, scratch)
 
 
 @compiled

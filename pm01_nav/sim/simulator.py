@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim import kernels, perturbed_kernels
+from pm01_nav.sim import crowd_kernels, kernels, perturbed_kernels
 from pm01_nav.sim.perturbation import (
     ErrorState,
     Perturbation,
@@ -37,8 +37,6 @@ from pm01_nav.sim.threads import ThreadChoice
 from pm01_nav.worlds.pool import WorldPool
 
 NO_FEATURES = Features()
-FEW = 64
-"""Up to this many environments are reset by one thread."""
 MAX_TRAVEL = 0.05
 """The robot moves at most this far between two checks for contact [m]."""
 
@@ -82,6 +80,7 @@ class PlanarSimulator:
             trail_sectors=trail.sectors,
         )
         self.state: SimState = new_state(num_envs, sizes)
+        self._has_movers = sizes.movers > 0
         self._scratch = new_scratch(num_envs, sizes)
         self._trail = trail
         self._goal_distance = np.array(goal_distance, dtype=np.float64)
@@ -171,22 +170,25 @@ class PlanarSimulator:
         if indices is None:
             indices = np.arange(self.num_envs)
         self.state.world[indices] = -1 if worlds is None else worlds
-        few = len(indices) <= FEW
-        rest = (*self._scene, self._trail, self._goal_distance, self._scratch)
-        if self.errors is None:
-            reset = kernels.reset_few if few else kernels.reset_many
-            reset(self.state, indices, *rest)
+        rest = (indices, *self._scene, self._trail, self._goal_distance, self._scratch)
+        if self.errors is not None:
+            errors = (self.errors, self.drawn, self._ranges)
+            perturbed_kernels.reset_some(self.state, *errors, *rest)
+        elif self._has_movers:
+            crowd_kernels.reset_some(self.state, *rest)
         else:
-            reset = perturbed_kernels.reset_few if few else perturbed_kernels.reset_many
-            reset(self.state, self.errors, self.drawn, self._ranges, indices, *rest)
+            kernels.reset_some(self.state, *rest)
 
     def step(self, command: NDArray[np.float64]) -> None:
         """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step."""
-        rest = (command, *self._scene, self._time, self._crowd, self._trail)
-        if self.errors is None:
-            self._threads(kernels.step_batch, self.state, *rest)
+        rest = (command, *self._scene, self._time, self._trail)
+        if self.errors is not None:
+            errors = (self.errors, self.drawn)
+            self._threads(perturbed_kernels.step_batch, self.state, *errors, *rest, self._crowd)
+        elif self._has_movers:
+            self._threads(crowd_kernels.step_batch, self.state, *rest, self._crowd)
         else:
-            self._threads(perturbed_kernels.step_batch, self.state, self.errors, self.drawn, *rest)
+            self._threads(kernels.step_batch, self.state, *rest)
 
     def movers(self, i: int) -> NDArray[np.float64]:
         """Return x, y and radius of the movers of environment i, shape (n, 3) [m]."""
@@ -204,6 +206,6 @@ class PlanarSimulator:
         self.state.contact[indices] = False
         rest = (indices, *self._scene, self._trail, self._scratch)
         if self.errors is None:
-            kernels.observe_batch(self.state, *rest)
+            kernels.observe_some(self.state, *rest)
         else:
-            perturbed_kernels.observe_batch(self.state, self.errors, self.drawn, *rest)
+            perturbed_kernels.observe_some(self.state, self.errors, self.drawn, *rest)

@@ -6,36 +6,27 @@ from __future__ import annotations
 import numpy as np
 
 from pm01_nav.robot import load_robot
-from pm01_nav.sim.perturbation import Perturbation
-from pm01_nav.sim.simulator import FEW, PlanarSimulator
+from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.worlds.free_space import shortest_path_length
 from pm01_nav.worlds.global_plan import GlobalPlan, inflate, plan_path
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
 
 
-def warm_up(ranges: Perturbation | None = None) -> None:
+def warm_up() -> None:
     """Run each kernel once on a tiny world; takes half a minute the first time, then no time.
 
-    Those for perturbed robots, which take as long again, only with ``ranges`` to perturb from.
+    Those for worlds that move and for perturbed robots are compiled where they are first used.
     """
     disc = np.array([[1.5, 1.5, 0.3]])
     wall = np.array([[0.0, 0.0, 3.0, 0.0]])
     world = World("warm_up", (0.0, 0.0, 3.0, 3.0), discs=disc, segments=wall)
     pool = build_pool([world], radius=0.2)
-    num_envs = FEW + 1
-    simulators = [PlanarSimulator(load_robot("pm01"), pool, num_envs)]
-    if ranges is not None:
-        simulators.append(PlanarSimulator(load_robot("pm01"), pool, num_envs))
-        simulators[-1].perturb(ranges)
-    for simulator in simulators:
-        simulator.seed(np.arange(num_envs))
-        simulator.reset()
-        simulator.reset(np.arange(2))
-        simulator.step(np.zeros((num_envs, 2)))
-        everyone = np.arange(num_envs)
-        simulator.place(everyone, simulator.state.pose.copy(), simulator.state.goal.copy())
-        simulator.true_scan()
+    simulator = PlanarSimulator(load_robot("pm01"), pool, 2)
+    simulator.seed(np.arange(2))
+    simulator.reset()
+    simulator.step(np.zeros((2, 2)))
+    simulator.place(np.arange(2), simulator.state.pose.copy(), simulator.state.goal.copy())
     space, start, goal = pool.free_space(0), (0.3, 1.5), (2.7, 1.5)
     shortest_path_length(space, start, goal)
     costmap = inflate(space, pool.radius)

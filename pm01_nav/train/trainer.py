@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any, Protocol
 
+import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, configure
@@ -23,7 +24,7 @@ from pm01_nav.errors import InputError
 from pm01_nav.policy.export import export_policy, greedy_policy, policy_metadata
 from pm01_nav.provenance import provenance
 from pm01_nav.sim.warm_up import warm_up
-from pm01_nav.task.config import TaskConfig, observation_layout
+from pm01_nav.task.config import observation_layout
 from pm01_nav.task.curriculum import Curriculum, apply, make_curriculum
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.worlds import world_pool
@@ -241,8 +242,10 @@ def train(
     if not resume:
         folder.check_free(force=force)
     data = load_checkpoint(folder.last) if resume else None
-    compiled = _compile(config.task)
+    compiled = _compiling(warm_up)
     batch, curriculum = _environments(config)
+    # Worlds that move and robots with errors have kernels of their own.
+    compiled += _compiling(lambda: _try_out(batch))
     # Only now that nothing can be wrong any more a former run may be replaced.
     if resume:
         folder.store(config)
@@ -337,12 +340,18 @@ def export_best(folder: RunFolder, config: RunConfig, path: Any = None) -> None:
     export_policy(policy, layout, metadata, path or folder.policy)
 
 
-def _compile(task: TaskConfig) -> float:
-    """Compile what is not compiled yet; return how long it took [s], 0 if it was there."""
+def _compiling(run: Callable[[], None]) -> float:
+    """Run what may have to be compiled; return how long it took [s], 0 if it was there."""
     began = time.perf_counter()
-    warm_up(task.randomization and task.randomization.ranges(task.robot_spec()))
+    run()
     seconds = time.perf_counter() - began
     return seconds if seconds > COMPILED_WITHIN_S else 0.0
+
+
+def _try_out(batch: NavigationBatch) -> None:
+    """Reset and step once; the learner's own reset begins everything anew."""
+    batch.reset(np.arange(batch.num_envs))
+    batch.step(np.zeros((batch.num_envs, 2)))
 
 
 def _logger(folder: RunFolder) -> Logger:
