@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read YAML safely and check it against a typed model."""
+"""Check plain data against typed models, and write it."""
 
 from __future__ import annotations
 
@@ -22,25 +22,6 @@ class FrozenModel(BaseModel):
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True
     )
-
-
-def read_yaml(path: str | Path) -> dict[str, Any]:
-    """Read a YAML mapping with the safe loader.
-
-    Raises:
-        InputError: the file cannot be read, is no YAML, or holds no mapping.
-    """
-    try:
-        data = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    # Beside its own errors PyYAML lets through those of an impossible date and of deep nesting.
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise InputError(f"{path}: is not valid YAML: {reason}") from error
-    if not isinstance(data, dict):
-        raise InputError(f"{path}: must be a YAML mapping (key: value), not {type(data).__name__}")
-    return data
 
 
 def write_atomically(path: str | Path, content: str | bytes) -> None:

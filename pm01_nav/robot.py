@@ -10,7 +10,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from pm01_nav.config import FrozenModel, read_yaml, validate
+from pm01_nav.config import FrozenModel, validate
+from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import is_convex_counter_clockwise
 
@@ -168,8 +169,8 @@ def load_robot(name_or_path: str | Path) -> RobotSpec:
     text = str(name_or_path)
     if text in robot_names():
         with resources.as_file(resources.files("pm01_nav") / "robots" / f"{text}.yaml") as path:
-            return validate(RobotSpec, read_yaml(path), path.name)
+            return validate(RobotSpec, load_yaml(path), path.name)
     if text.endswith((".yaml", ".yml")):
-        return validate(RobotSpec, read_yaml(text), text)
+        return validate(RobotSpec, load_yaml(text), text)
     names = ", ".join(robot_names())
     raise InputError(f"robot = {text!r}: unknown; allowed: {names}, or the path of a .yaml file")

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pm01_nav.config import read_yaml, validate
+from pm01_nav.config import validate
+from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.planners import PLANNERS
 from pm01_nav.policy import OnnxPolicy, Policy
@@ -48,7 +49,7 @@ def _stored_task(folder: Path) -> TaskConfig:
     path = folder / "config.yaml"
     if not path.is_file():
         raise InputError(f"{folder}: is no run folder (it has no config.yaml)")
-    return validate(TaskConfig, read_yaml(path).get("task") or {}, str(path), inside="task")
+    return validate(TaskConfig, load_yaml(path).get("task") or {}, str(path), inside="task")
 
 
 def _policy_file(name: str) -> Path:

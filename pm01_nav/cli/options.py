@@ -131,13 +131,14 @@ def task_from_options(
     Raises:
         InputError: something is unknown or not allowed, or no task was named.
     """
-    from pm01_nav.config import merge, read_yaml, validate
+    from pm01_nav.config import merge, validate
+    from pm01_nav.documents import load_yaml
     from pm01_nav.errors import InputError
     from pm01_nav.task.config import TaskConfig
     from pm01_nav.task.randomization import load_randomization
     from pm01_nav.task.tasks import TASKS, task_config
 
-    from_file = read_yaml(config_file) if config_file else {}
+    from_file = load_yaml(config_file) if config_file else {}
     settings = merge(from_file, parse_changes(changes))
     _only_sections(settings, config_file or "--set")
     named = settings.get("task") or {}

@@ -7,13 +7,13 @@ range with low = high is a fixed perturbation. What is left out is not perturbed
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from pm01_nav.config import FrozenModel, read_yaml, validate
+from pm01_nav.config import FrozenModel, validate
+from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.perturbation import MAX_COMMAND_DELAY, Perturbation
@@ -157,4 +157,4 @@ def load_randomization(choice: str) -> RandomizationConfig | None:
         raise InputError(
             f"randomization = {choice!r}: unknown; allowed: off, on, or the path of a .yaml file"
         )
-    return validate(RandomizationConfig, read_yaml(Path(choice)), choice)
+    return validate(RandomizationConfig, load_yaml(choice), choice)

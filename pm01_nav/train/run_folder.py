@@ -6,7 +6,8 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from pm01_nav.config import read_yaml, to_yaml, validate, write_atomically
+from pm01_nav.config import to_yaml, validate, write_atomically
+from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.train.config import RunConfig
 
@@ -71,4 +72,4 @@ class RunFolder:
         """
         if not self.config.is_file():
             raise InputError(f"{self.path}: is no run folder (it has no config.yaml)")
-        return validate(RunConfig, read_yaml(self.config), str(self.config))
+        return validate(RunConfig, load_yaml(self.config), str(self.config))

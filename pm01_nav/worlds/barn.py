@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from pm01_nav.compilation import cache_folder
 from pm01_nav.config import write_atomically
+from pm01_nav.documents import parse_xml
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.documents import parse_xml
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]

@@ -21,9 +21,9 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from pm01_nav.config import FrozenModel, validate
+from pm01_nav.documents import load_json
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import rectangle
-from pm01_nav.worlds.documents import load_json
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.world import World
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from pm01_nav.config import write_atomically
+from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import points_in_polygon
 from pm01_nav.worlds.barn_grid import read_barn_grid
-from pm01_nav.worlds.documents import load_yaml
 from pm01_nav.worlds.mjcf import world_to_mjcf
 from pm01_nav.worlds.ros_map import read_ros_map
 from pm01_nav.worlds.ros_map_writer import RESOLUTION, write_ros_map

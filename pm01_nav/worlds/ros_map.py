@@ -15,8 +15,8 @@ from PIL import Image
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 
 from pm01_nav.config import FrozenModel, validate
+from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.documents import load_yaml
 from pm01_nav.worlds.world import OccupancyGrid, World
 
 MAX_PIXELS = 64_000_000

@@ -14,8 +14,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
+from pm01_nav.documents import parse_xml
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.documents import parse_xml
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.sdf_actor import read_actor
 from pm01_nav.worlds.sdf_include import ModelFolders

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
+from pm01_nav.documents import parse_xml
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.documents import parse_xml
 
 NO_OBSTACLES = ("sun", "ground_plane")
 """Models that every Gazebo has and that stand in nobody's way."""

@@ -11,9 +11,9 @@ import yaml
 from pydantic import Field
 
 from pm01_nav.config import FrozenModel, validate, write_atomically
+from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import rectangle
-from pm01_nav.worlds.documents import load_yaml
 from pm01_nav.worlds.mover import Motion, Mover
 from pm01_nav.worlds.ros_map import read_ros_map
 from pm01_nav.worlds.ros_map_writer import write_grid

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from pm01_nav import documents
+from pm01_nav.documents import load_json, load_yaml, parse_xml
 from pm01_nav.errors import InputError
-from pm01_nav.worlds import documents
-from pm01_nav.worlds.documents import load_json, load_yaml, parse_xml
 
 LOADERS = (load_yaml, load_json, parse_xml)
 

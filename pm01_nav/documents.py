@@ -70,12 +70,13 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: cannot be read: {reason}") from error
 
 
-def load_yaml(path: Path) -> dict[str, Any]:
+def load_yaml(path: str | Path) -> dict[str, Any]:
     """Read a YAML mapping without aliases.
 
     Raises:
         InputError: the file cannot be read, is no YAML, holds no mapping, or has aliases.
     """
+    path = Path(path)
     text = read_text(path)
     try:
         _check_events(text, path)
