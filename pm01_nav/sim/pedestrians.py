@@ -36,6 +36,8 @@ BYSTANDERS = 1.5
 """... and everyone within this distance [m]."""
 PARTING = 1.0 / HASTE
 """What overlaps parts at the preferred speed at most, this part of the greatest."""
+COURTESY = 0.1
+"""What a pedestrian leaves free between itself and a robot that it avoids [m]."""
 WALL_HORIZON = 0.5
 """In this time a pedestrian closes a gap to what stands still at most [s]."""
 X, Y, VX, VY, RADIUS, FAST, WANT_X, WANT_Y, WALKS = range(9)
@@ -188,7 +190,10 @@ def look_around(state, i, k, base, worlds, crowd, bodies, planes, used):
     if crowd.avoid_robot and px * px + py * py < NEIGHBOURS * NEIGHBOURS:
         vx = bodies[VX, k] - state.twist[i, 0] * state.heading[i, 0]
         vy = bodies[VY, k] - state.twist[i, 0] * state.heading[i, 1]
-        reach = bodies[RADIUS, k] + base.radius
+        reach = bodies[RADIUS, k] + base.radius + COURTESY
+        close = reach + 2.0 * crowd.dt * fast
+        if px * px + py * py < close * close:
+            keep_apart(bodies, planes, used, k, -px, -py, reach, 0.0, crowd.dt)
         if crowd.model == ORCA:
             nx, ny, short = avoidance(px, py, vx, vy, reach, crowd.dt)
             add_plane(bodies, planes, used, k, nx, ny, short)
@@ -211,8 +216,9 @@ def meet_others(num_movers, crowd, tables):
         close = reach[n] + 2.0 * crowd.dt * max(bodies[FAST, j], bodies[FAST, k])
         squared = px[n] * px[n] + py[n] * py[n]
         if squared < close * close and bodies[WALKS, j] + bodies[WALKS, k] == 2.0:
-            keep_apart(bodies, planes, used, j, px[n], py[n], reach[n], crowd.dt)
-            keep_apart(bodies, planes, used, k, -px[n], -py[n], reach[n], crowd.dt)
+            part_j, part_k = PARTING * bodies[FAST, j], PARTING * bodies[FAST, k]
+            keep_apart(bodies, planes, used, j, px[n], py[n], reach[n], part_j, crowd.dt)
+            keep_apart(bodies, planes, used, k, -px[n], -py[n], reach[n], part_k, crowd.dt)
     if crowd.model == ORCA:
         for n in range(np.uint64(count)):
             px[n], py[n], vx[n] = avoidance(px[n], py[n], vx[n], vy[n], reach[n], crowd.dt)
@@ -259,17 +265,18 @@ def find_pairs(num_movers, tables):
 
 
 @compiled
-def keep_apart(bodies, planes, used, k, px, py, reach, dt):
+def keep_apart(bodies, planes, used, k, px, py, reach, parting, dt):
     """Let pedestrian k close half of the gap to another in this step, and no more.
 
-    (px, py) leads from the other to it [m]. Two that overlap part at their preferred speed at most.
+    (px, py) leads from the other to it [m]. One that is nearer than ``reach`` moves away, though
+    it need not be faster than ``parting`` [m/s].
     """
     distance = max(np.sqrt(px * px + py * py), 1e-9)
     row, last = used[k, 0], used[k, 1]
     for c in range(3):
         planes[k, last, c] = planes[k, row, c]
     planes[k, row, 0], planes[k, row, 1] = px / distance, py / distance
-    planes[k, row, 2] = min((reach - distance) / (2.0 * dt), PARTING * bodies[FAST, k])
+    planes[k, row, 2] = min((reach - distance) / (2.0 * dt), parting)
     used[k, 0], used[k, 1] = row + 1, last + 1
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.geometry import polygon_edges, rectangle
 from pm01_nav.robot import full_circle
+from pm01_nav.sim.pedestrians import COURTESY
 from pm01_nav.sim.reference_movers import (
     nearest_points,
     plan_by_forces,
@@ -175,6 +176,26 @@ def test_the_robot_is_avoided_if_asked_for(start, model: str) -> None:
             contact |= bool(sim.state.contact[0])
         touched.append(contact)
     assert touched == [False, True]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_crowd_leaves_room_for_a_robot_that_stands(start, model: str) -> None:
+    worlds = [crowd(np.random.default_rng(seed), 20) for seed in range(4)]
+    sim = start(*worlds, num_envs=4, pedestrians=model)
+    # Where nobody stands yet.
+    middle = np.array([5.0, 5.0])
+    nearest = [np.linalg.norm(sim.movers(i)[:, :2] - middle, axis=1).min() for i in range(4)]
+    clear = np.flatnonzero(np.array(nearest) > 0.7)
+    assert len(clear) > 0
+    sim.place(clear, [[*middle, 0.0]] * len(clear), [[9.0, 9.0]] * len(clear))
+    least = np.inf
+    for _ in range(600):
+        stand(sim)
+        for i in clear:
+            gaps = np.linalg.norm(sim.movers(i)[:, :2] - middle, axis=1) - sim.movers(i)[:, 2]
+            least = min(least, float(gaps.min()) - sim.robot.footprint.circumscribed_radius)
+    assert least > COURTESY - 1e-9
+    assert least < COURTESY + 0.05
 
 
 def random_crowds(rng: np.random.Generator, half: float):
