@@ -19,12 +19,20 @@ if TYPE_CHECKING:
     from pm01_nav.train.config import RunConfig
 
 DEFAULT_TIME_BUDGET = 60.0
+FLAGS = ("algo", "curriculum", "seed", "time_budget", "steps")
+"""Options that are keys of ``train``."""
 
 
 @click.command("train", short_help="Train a policy.")
 @task_options
 @randomization_option
 @click.option("--algo", metavar="NAME", help="The algorithm: ppo.")
+@click.option(
+    "--curriculum",
+    metavar="NAME",
+    help="Which worlds come when: none (all alike), staged (easy ones first), automatic (those in "
+    "which the policy can learn most).  [default: none]",
+)
 @click.option("--seed", type=int, metavar="N", help="Seed of everything random. [default: 0]")
 @click.option(
     "--time-budget",
@@ -48,6 +56,7 @@ def command(**options: Any) -> None:
     Examples:
       pm01 train --task static --time-budget 60 --out runs/x
       pm01 train --task static --randomization on --out runs/robust
+      pm01 train --task mixed --curriculum automatic --time-budget 600 --out runs/mixed
       pm01 train --task barn_like --steps 20000000 --out runs/barn
       pm01 train --config my.yaml --set train.ppo.gamma=0.97 --out runs/y
       pm01 train --resume runs/x --time-budget 120
@@ -105,11 +114,12 @@ def run_config(task: Any, train_settings: dict[str, Any], source: str) -> RunCon
 
 
 def _fresh(options: dict[str, Any]) -> RunConfig:
-    from pm01_nav.config import merge, read_yaml
+    from pm01_nav.config import merge
+    from pm01_nav.documents import load_yaml
 
-    flags = {k: options.pop(k) for k in ("algo", "seed", "time_budget", "steps")}
+    flags = {name: options.pop(name) for name in FLAGS}
     task = task_from_options(None, **options)
-    from_file = read_yaml(options["config_file"]) if options["config_file"] else {}
+    from_file = load_yaml(options["config_file"]) if options["config_file"] else {}
     settings = merge(from_file, parse_changes(options["changes"])).get("train") or {}
     settings = merge(settings, {k: v for k, v in flags.items() if v is not None})
     return run_config(task, settings, options["config_file"] or "configuration")
@@ -121,9 +131,11 @@ def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
     from pm01_nav.train.run_folder import RunFolder
 
     stored = RunFolder(resume).load_config()
-    flags = {k: options.pop(k) for k in ("algo", "seed", "time_budget", "steps")}
-    if flags["seed"] not in (None, stored.train.seed):
-        raise InputError(f"seed: {resume} was made with seed {stored.train.seed}; it stays so")
+    flags = {name: options.pop(name) for name in FLAGS}
+    for name in ("algo", "curriculum", "seed"):
+        before = getattr(stored.train, name)
+        if flags[name] not in (None, before):
+            raise InputError(f"{name}: {resume} was made with {name} {before}; it stays so")
     named, task = options["task"], task_from_options(stored.task, **options)
     if (named and named != stored.task.name) or task != stored.task:
         raise InputError(

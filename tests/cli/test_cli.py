@@ -153,6 +153,15 @@ def test_resume_with_another_task_is_refused(trained):
     assert "another task (static" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "before"), [("--seed", "7", "0"), ("--curriculum", "staged", "none")]
+)
+def test_resume_in_another_way_is_refused(trained, option, value, before):
+    done = pm01("train", "--resume", str(trained), option, value)
+    assert done.returncode == 2
+    assert f"was made with {option[2:]} {before}; it stays so" in done.stderr
+
+
 def test_folder_in_use_is_refused(trained):
     done = pm01("train", "--task", "static", "--steps", "512", "--out", str(trained), *SMALL)
     assert done.returncode == 2
