@@ -31,9 +31,10 @@ PM01 = str(Path(sys.executable).with_name("pm01"))
 COLORS = {"none": "#848d9c", "staged": "#2f80ed", "automatic": "#f28026"}
 EASY_FIRST = (
     ("empty", "static"),
-    ("empty", "static", "corridors", "rooms", "barn_like", "warehouse"),
+    ("empty", "static", "corridors", "rooms", "u_traps", "maze", "barn_like"),
 )
-"""Kinds of worlds of the first stages, as far as the task has them; the last stage has all."""
+"""Kinds of worlds of the first stages, as far as the task has them: little in the way, then all in
+which nothing moves. The last stage has every world."""
 EVALUATION_SEED = 1
 
 

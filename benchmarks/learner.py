@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# ruff: noqa: E402 - the waiting of threads is decided before torch and numba are imported
 """What the environment costs the learner, what threads bring, and what a busy machine costs.
 
 python benchmarks/learner.py --out benchmarks/results/learner.json
@@ -6,20 +7,22 @@ python benchmarks/learner.py --out benchmarks/results/learner.json
 
 from __future__ import annotations
 
-import os
+from pm01_nav.openmp import wait_briefly
 
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+wait_briefly()  # as the command line does
 
 import argparse
 import multiprocessing
-import statistics
+import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import torch
 from report import write_report
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3 import PPO
 
 from pm01_nav.envs.sb3_vec_env import NavVecEnv
 from pm01_nav.task.navigation import NavigationBatch
@@ -28,8 +31,6 @@ from pm01_nav.task.worlds import world_pool
 from pm01_nav.train.config import PPOConfig
 from pm01_nav.train.ppo import make_ppo
 from pm01_nav.train.runtime import keep_freed_memory
-
-ITERATIONS = 12
 
 
 class IdleVecEnv(NavVecEnv):
@@ -48,14 +49,18 @@ class IdleVecEnv(NavVecEnv):
         return self._observation.copy(), self._rewards.copy(), self._dones.copy(), infos
 
 
-def learning_rate_of(env: VecEnv, layout: Any, config: PPOConfig) -> float:
-    """Return the learner's steps a second on ``env``."""
-    model = make_ppo(config, env, layout, seed=0, progress=lambda: 0.0)
-    samples = config.n_envs * config.n_steps
-    model.learn(2 * samples)
-    began = time.perf_counter()
-    model.learn(ITERATIONS * samples)
-    return ITERATIONS * samples / (time.perf_counter() - began)
+def seconds_of(models: list[PPO], repeats: int) -> np.ndarray:
+    """Return how long each model takes to learn from one batch [s], shape (repeats, models).
+
+    They take turns: a machine that slows down for a while slows down all of them.
+    """
+    seconds = np.zeros((repeats + 2, len(models)))
+    for row in seconds:
+        for i, model in enumerate(models):
+            began = time.perf_counter()
+            model.learn(model.n_steps * model.n_envs, reset_num_timesteps=False)
+            row[i] = time.perf_counter() - began
+    return seconds[2:]
 
 
 def spin(stop: Any) -> None:
@@ -64,65 +69,83 @@ def spin(stop: Any) -> None:
         sum(range(10000))
 
 
-def summarize(rates: list[float]) -> dict[str, Any]:
-    """Return the median and all repeats."""
-    return {"median": round(statistics.median(rates)), "repeats": [round(r) for r in rates]}
+def rates(seconds: np.ndarray, samples: int) -> dict[str, int]:
+    """Return steps a second: the median, and the quartiles around it."""
+    low, middle, high = np.quantile(samples / seconds, (0.25, 0.5, 0.75))
+    return {"median": round(middle), "quartiles": [round(low), round(high)]}
+
+
+def cost_of_environment(
+    config: PPOConfig, batch: NavigationBatch, threads: int, repeats: int
+) -> dict[str, Any]:
+    """Compare a learner on our environment with one on an environment that does nothing."""
+    torch.set_num_threads(threads)
+    models = [
+        make_ppo(config, env, batch.layout, seed=0, progress=lambda: 0.0)
+        for env in (NavVecEnv(batch), IdleVecEnv(batch))
+    ]
+    seconds = seconds_of(models, repeats)
+    samples = config.n_envs * config.n_steps
+    return {
+        "ours": rates(seconds[:, 0], samples),
+        "idle": rates(seconds[:, 1], samples),
+        "ours_over_idle": round(float(np.median(seconds[:, 1] / seconds[:, 0])), 3),
+    }
+
+
+def cost_of_company(
+    config: PPOConfig, batch: NavigationBatch, threads: int, repeats: int, rounds: int = 5
+) -> dict[str, Any]:
+    """Compare a learner alone with one beside processes that keep every core busy."""
+    torch.set_num_threads(threads)
+    model = make_ppo(config, NavVecEnv(batch), batch.layout, seed=0, progress=lambda: 0.0)
+    samples = config.n_envs * config.n_steps
+    alone, beside = [], []
+    for _ in range(rounds):
+        alone.append(np.median(seconds_of([model], repeats)))
+        with busy_cores():
+            beside.append(np.median(seconds_of([model], repeats)))
+    kept = np.median(np.array(alone) / np.array(beside))
+    return {
+        "alone": rates(np.array(alone), samples),
+        "beside_busy_cores": rates(np.array(beside), samples),
+        "kept": round(float(kept), 3),
+    }
+
+
+@contextmanager
+def busy_cores() -> Iterator[None]:
+    """Keep every core busy with a process of its own for a while."""
+    context = multiprocessing.get_context("spawn")
+    stop = context.Event()
+    others = [context.Process(target=spin, args=(stop,)) for _ in os.sched_getaffinity(0)]
+    for other in others:
+        other.start()
+    time.sleep(1.0)
+    try:
+        yield
+    finally:
+        stop.set()
+        for other in others:
+            other.join()
 
 
 def main() -> None:
     """Measure and report."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", required=True)
-    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--repeats", type=int, default=40, help="batches that each model learns")
     options = parser.parse_args()
     keep_freed_memory()
     config, task = PPOConfig(), task_config("static")
     batch = NavigationBatch(task, world_pool(task, "train", 256), config.n_envs)
-    ours, idle = NavVecEnv(batch), IdleVecEnv(batch)
-    rates: dict[str, list[float]] = {}
-    for _ in range(options.repeats):
-        for threads in (1, 2):
-            torch.set_num_threads(threads)
-            for name, env in (("ours", ours), ("idle", idle)):
-                rate = learning_rate_of(env, batch.layout, config)
-                rates.setdefault(f"{name}_{threads}_threads", []).append(rate)
-    results: dict[str, Any] = {"unit": "learner steps/s", "task": "static"}
-    results |= {name: summarize(values) for name, values in rates.items()}
+    results: dict[str, Any] = {"unit": "learner steps/s", "task": task.name}
+    results["settings"] = config.model_dump(include={"n_envs", "n_steps", "batch_size", "n_epochs"})
     for threads in (1, 2):
-        pairs = zip(rates[f"ours_{threads}_threads"], rates[f"idle_{threads}_threads"], strict=True)
-        results[f"ours_over_idle_{threads}_threads"] = round(
-            statistics.median(a / b for a, b in pairs), 3
-        )
-    results |= under_load(ours, batch.layout, config, options.repeats)
+        results[f"learner_threads_{threads}"] = cost_of_environment(
+            config, batch, threads, options.repeats
+        ) | cost_of_company(config, batch, threads, options.repeats // 4)
     write_report(options.out, results)
-
-
-def under_load(env: VecEnv, layout: Any, config: PPOConfig, repeats: int) -> dict[str, Any]:
-    """Measure beside another process that keeps every core busy, one spinning process a core."""
-    results: dict[str, Any] = {}
-    cores = len(os.sched_getaffinity(0))
-    for threads in (1, 2):
-        torch.set_num_threads(threads)
-        alone, beside = [], []
-        for _ in range(repeats):
-            alone.append(learning_rate_of(env, layout, config))
-            stop = multiprocessing.get_context("spawn").Event()
-            others = [
-                multiprocessing.get_context("spawn").Process(target=spin, args=(stop,))
-                for _ in range(cores)
-            ]
-            for other in others:
-                other.start()
-            time.sleep(1.0)
-            beside.append(learning_rate_of(env, layout, config))
-            stop.set()
-            for other in others:
-                other.join()
-        results[f"beside_busy_cores_{threads}_threads"] = summarize(beside)
-        results[f"kept_beside_busy_cores_{threads}_threads"] = round(
-            statistics.median(b / a for a, b in zip(alone, beside, strict=True)), 3
-        )
-    return results
 
 
 if __name__ == "__main__":

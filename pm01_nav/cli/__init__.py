@@ -4,16 +4,11 @@
 from __future__ import annotations
 
 import importlib
-import os
 import sys
 import time
 
 STARTED_AT = time.perf_counter()
 """When the command began; a time budget counts from here, imports and all."""
-
-# Waiting threads must sleep, not spin: on a busy machine spinning halves everybody's speed.
-# The OpenMP runtimes read this once, when torch or numba load them.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 try:
     import click
@@ -23,6 +18,9 @@ except ImportError:
 
 from pm01_nav import __version__  # noqa: E402
 from pm01_nav.errors import InputError  # noqa: E402
+from pm01_nav.openmp import wait_briefly  # noqa: E402
+
+wait_briefly()
 
 COMMANDS = ("demo", "train", "evaluate", "export", "replay", "worlds", "doctor")
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.errors import InputError
+from pm01_nav.task.frames import FrameStack
 from pm01_nav.task.observation import (
     ObservationLayout,
     build_observation,
@@ -29,13 +30,15 @@ class NetworkPolicy:
         self.layout = layout
         self.control_dt = control_dt
         self._trail: Trail | None = None
+        self._frames: FrameStack | None = None
         self._network = network
         self._previous: NDArray[np.float64] | None = None
 
     def reset(self) -> None:
-        """Forget the last action and the trail before a new episode."""
+        """Forget the last action, scans and places before a new episode."""
         self._previous = None
         self._trail = None
+        self._frames = None
 
     def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> NDArray[np.float64]:
         """Return the next command (v, w) [m/s, rad/s]; one robot, or a leading batch dimension.
@@ -58,7 +61,7 @@ class NetworkPolicy:
             self.reset()
             self._previous = np.zeros_like(goal)
         ranges = discard_invalid(ranges, self.layout.scan)
-        nearest = pool_sectors(ranges, self.layout.sectors)
+        nearest = self._with_earlier(pool_sectors(ranges, self.layout.sectors))
         observation = build_observation(
             self.layout, nearest, polar, velocity, self._previous, self._visited(velocity)
         )
@@ -67,15 +70,27 @@ class NetworkPolicy:
         self._previous = self.layout.limits.to_action(command)
         return command
 
+    def _with_earlier(self, nearest: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the nearest ranges of this and of earlier scans, if the layout shows those."""
+        layout = self.layout.frames
+        if layout is None:
+            return nearest
+        rows = nearest.reshape(-1, nearest.shape[-1])
+        if self._frames is None:
+            self._frames = FrameStack(layout, *rows.shape)
+            self._frames.begin(slice(None), rows)
+        self._frames.push(rows)
+        return self._frames.show(slice(None)).reshape(*nearest.shape[:-1], -1)
+
     def _visited(self, velocity: NDArray[np.float64]) -> NDArray[np.float32] | None:
-        """Follow the trail by one step, if the layout has one; shape (..., trail sectors)."""
+        """Follow the trail by one step, if the layout has one; shape (..., trail size)."""
         layout = self.layout.trail
         if layout is None:
             return None
         rows = velocity.reshape(-1, 2)
         if self._trail is None:
             self._trail = Trail(layout, self.control_dt, len(rows))
-        return self._trail.follow(rows).reshape(*velocity.shape[:-1], layout.sectors)
+        return self._trail.follow(rows).reshape(*velocity.shape[:-1], layout.size)
 
     def _check_scan(self, scan: NDArray[np.float32]) -> NDArray[np.float32]:
         expected = self.layout.scan

@@ -13,7 +13,7 @@ from numba import prange
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.collision import clearance, polar
 from pm01_nav.sim.dynamics import arc, clip, next_speed, wrap
-from pm01_nav.sim.lidar import add_noise, cast_scan, nearest_in_sectors, read_scan
+from pm01_nav.sim.lidar import add_noise, cast_scan, nearest_in_sectors
 from pm01_nav.sim.movers import cast_movers, mover_clearance
 from pm01_nav.sim.path_distance import read_distance, spread_distance
 from pm01_nav.sim.random import draw_row, uniform
@@ -111,11 +111,10 @@ def observe(state, begin, end, base, lidar, worlds, trail):
         locate(state, i, base, worlds)
         cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], state.ranges, i)
         if state.mover_count[i] > 0:
-            cast_movers(x, y, cos, sin, lidar, state, i)
+            cast_movers(x, y, cos, sin, lidar, state, state.ranges, i)
         if lidar.noise_std > 0.0:
             add_noise(lidar, state.ranges, state.rng_key, state.rng_count, i)
-        read_scan(lidar, state.ranges, state.scan, i)
-        nearest_in_sectors(state.scan, state.nearest, i)
+        nearest_in_sectors(lidar, state.ranges, state.nearest, i)
         if state.visited.shape[1] > 0:
             follow_trail(state, i, trail, x, y, cos, sin)
 

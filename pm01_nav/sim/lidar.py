@@ -241,13 +241,20 @@ def add_noise(lidar, ranges, key, count, i):
 
 
 @compiled
-def read_scan(lidar, ranges, scan, i):
-    """Say by REP-117 what the sensor reads: +inf beyond its range, -inf below it."""
-    shortest, longest = np.float32(lidar.range_min), np.float32(lidar.range_max)
-    for k in range(np.uint64(scan.shape[1])):
-        # This sensor knows what is too close; of others a finite range below range_min is doubtful.
-        value = np.float32(-np.inf) if ranges[i, k] < shortest else ranges[i, k]
-        scan[i, k] = sanitized(value, shortest, longest)
+def read_scans(ranges, scan, range_min, range_max):
+    """Write into ``scan`` (num_envs, num_beams) what the lidars read by REP-117 [m]."""
+    shortest, longest = np.float32(range_min), np.float32(range_max)
+    for i in range(scan.shape[0]):
+        for k in range(np.uint64(scan.shape[1])):
+            scan[i, k] = reading(ranges[i, k], shortest, longest)
+
+
+@compiled
+def reading(value, shortest, longest):
+    """Return by REP-117 what the sensor says of a range: +inf beyond its reach, -inf below it."""
+    # This sensor knows what is too close; of others a finite range below range_min is doubtful.
+    value = np.float32(-np.inf) if value < shortest else value
+    return sanitized(value, shortest, longest)
 
 
 @compiled
@@ -262,15 +269,20 @@ def sanitized(value, shortest, longest):
 
 
 @compiled
-def nearest_in_sectors(scan, nearest, i):
-    """Keep the nearest range of each sector of neighbouring beams.
+def nearest_in_sectors(lidar, ranges, nearest, i):
+    """Keep the nearest reading of each sector of neighbouring beams.
 
-    Beam by beam, each over all sectors: only so does the compiler make vector instructions of it.
+    Of two ranges the nearer has the nearer reading, so that one reading a sector will do.
     """
+    shortest, longest = np.float32(lidar.range_min), np.float32(lidar.range_max)
     sectors = np.uint64(nearest.shape[1])
-    beams = np.uint64(scan.shape[1]) // sectors
-    for s in range(sectors):
-        nearest[i, s] = scan[i, s * beams]
-    for j in range(np.uint64(1), beams):
+    beams = np.uint64(lidar.num_beams) // sectors
+    if beams == np.uint64(1):  # Whole rows of this loop are vector instructions.
         for s in range(sectors):
-            nearest[i, s] = min(nearest[i, s], scan[i, s * beams + j])
+            nearest[i, s] = reading(ranges[i, s], shortest, longest)
+        return
+    for s in range(sectors):
+        least = ranges[i, s * beams]
+        for j in range(np.uint64(1), beams):
+            least = min(least, ranges[i, s * beams + j])
+        nearest[i, s] = reading(least, shortest, longest)

@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 
 from pm01_nav.compilation import compiled
-from pm01_nav.sim.lidar import read_scan
 from pm01_nav.sim.random import GOLDEN, ONE, SHIFT_11, UNIT, mix, uniform
 from pm01_nav.sim.state import LidarParams
 
@@ -114,15 +113,13 @@ def drop(drawn, lidar, ranges, key, count, i):
 
 @compiled
 def hand_out(state, errors, drawn, i, lidar, first):
-    """Put the ranges into the scan, or into the place where late ones wait.
+    """Lose what lies beyond the lidar's own reach, and exchange a late scan for the last one.
 
     The ``first`` scan of an episode is both shown and kept.
     """
-    late = drawn.scan_delay[i] > 0.0
-    if late and not first:
-        for k in range(state.scan.shape[1]):
-            state.scan[i, k] = errors.waiting_scan[i, k]
-    else:
-        read_scan(lidar, state.ranges, state.scan, i)
-    if late:
-        read_scan(lidar, state.ranges, errors.waiting_scan, i)
+    longest = np.float32(lidar.range_max)
+    late, waiting = drawn.scan_delay[i] > 0.0, errors.waiting_ranges
+    for k in range(np.uint64(state.ranges.shape[1])):
+        measured = state.ranges[i, k] if state.ranges[i, k] <= longest else np.float32(np.inf)
+        state.ranges[i, k] = waiting[i, k] if late and not first else measured
+        waiting[i, k] = measured

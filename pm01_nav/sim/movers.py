@@ -112,7 +112,7 @@ def mover_clearance(x, y, cos, sin, base, state, i, ago):
 
 
 @compiled(inline=False)
-def cast_movers(x, y, cos, sin, lidar, state, i):
+def cast_movers(x, y, cos, sin, lidar, state, ranges, i):
     """Shorten the beams of environment i (see ``cast_scan``) that meet a mover."""
     x, y = x + cos * lidar.x - sin * lidar.y, y + sin * lidar.x + cos * lidar.y
     cos, sin = (
@@ -125,4 +125,4 @@ def cast_movers(x, y, cos, sin, lidar, state, i):
         reach = lidar.range_max + r
         if dx * dx + dy * dy <= reach * reach:
             dx, dy = to_base(dx, dy, cos, sin)
-            cast_disc(dx, dy, r, lidar, state.ranges, i)
+            cast_disc(dx, dy, r, lidar, ranges, i)

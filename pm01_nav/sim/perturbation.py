@@ -70,8 +70,8 @@ class ErrorState(NamedTuple):
     """Distance and bearing of the goal as the robot believes [m, rad], shape (num_envs, 2)."""
     measured_twist: FloatArray
     """v, w as odometry says [m/s, rad/s], shape (num_envs, 2)."""
-    waiting_scan: NDArray[np.float32]
-    """The latest scan where scans are delayed, shape (num_envs, num_beams) [m]."""
+    waiting_ranges: NDArray[np.float32]
+    """The latest ranges, which are yet to be shown where scans are delayed, like ``ranges``."""
     dark_ranges: NDArray[np.float32]
     """Ranges of dark obstacles alone, like ``SimState.ranges``; used within a step."""
     slice_pose: FloatArray
@@ -88,7 +88,7 @@ def new_errors(num_envs: int, num_beams: int) -> ErrorState:
         odometry_goal=np.zeros((num_envs, 2)),
         measured_goal=np.zeros((num_envs, 2)),
         measured_twist=np.zeros((num_envs, 2)),
-        waiting_scan=np.zeros((num_envs, num_beams), dtype=np.float32),
+        waiting_ranges=np.zeros((num_envs, padded(num_beams)), dtype=np.float32),
         dark_ranges=np.zeros((num_envs, padded(num_beams)), dtype=np.float32),
         slice_pose=np.zeros((num_envs, SLICES, 4)),
     )

@@ -13,7 +13,7 @@ from numba import prange
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.drive_errors import begin_commands, drive, true_base, true_crowd, true_time
 from pm01_nav.sim.kernels import CHUNK, begin_episode, choose_world, locate, move, place
-from pm01_nav.sim.lidar import cast_scan, nearest_in_sectors, read_scan
+from pm01_nav.sim.lidar import cast_scan, nearest_in_sectors
 from pm01_nav.sim.lidar_errors import disturb, hand_out, true_lidar
 from pm01_nav.sim.mover_starts import place_start
 from pm01_nav.sim.movers import cast_movers, step_movers
@@ -98,7 +98,7 @@ def observe(state, errors, drawn, i, x, y, yaw, base, lidar, worlds, trail, firs
     sweep_scan(state, errors, drawn, i, x, y, yaw, own_lidar, worlds)
     disturb(drawn, own_lidar, state.ranges, key, count, i)
     hand_out(state, errors, drawn, i, own_lidar, first)
-    nearest_in_sectors(state.scan, state.nearest, i)
+    nearest_in_sectors(lidar, state.ranges, state.nearest, i)
     if state.visited.shape[1] > 0:
         x, y, yaw = (
             errors.odometry_pose[i, 0],
@@ -109,11 +109,10 @@ def observe(state, errors, drawn, i, x, y, yaw, base, lidar, worlds, trail, firs
 
 
 @compiled(parallel=True)
-def true_scan(state, base, lidar, worlds, scan):
-    """Write into ``scan`` (num_envs, num_beams) what a flawless lidar would say by REP-117 [m]."""
+def true_ranges(state, base, lidar, worlds, ranges):
+    """Write into ``ranges`` (like ``state.ranges``) what a flawless lidar would measure [m]."""
     for i in prange(state.pose.shape[0]):
         x, y = state.pose[i, 0], state.pose[i, 1]
         cos, sin = state.heading[i, 0], state.heading[i, 1]
-        cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], state.ranges, i)
-        cast_movers(x, y, cos, sin, lidar, state, i)
-        read_scan(lidar, state.ranges, scan, i)
+        cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], ranges, i)
+        cast_movers(x, y, cos, sin, lidar, state, ranges, i)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import crowd_kernels, kernels, perturbed_kernels
+from pm01_nav.sim.lidar import read_scans
 from pm01_nav.sim.perturbation import (
     ErrorState,
     Perturbation,
@@ -77,7 +78,7 @@ class PlanarSimulator:
             movers=int(np.diff(arrays.mover_begin).max(initial=0)),
             path_cells=int(np.diff(arrays.way_begin).max()) if features.path_distances else 0,
             trail_capacity=trail.capacity,
-            trail_sectors=trail.sectors,
+            trail_size=trail.sectors + 1 if trail.sectors else 0,
         )
         self.state: SimState = new_state(num_envs, sizes)
         self._has_movers = sizes.movers > 0
@@ -115,8 +116,11 @@ class PlanarSimulator:
 
     @property
     def scan(self) -> NDArray[np.float32]:
-        """What the lidar says by REP-117 [m], shape (num_envs, num_beams), beam 0 at angle_min."""
-        return self.state.scan
+        """What the lidar says by REP-117 [m], shape (num_envs, num_beams), beam 0 at angle_min.
+
+        It is made anew at each call: most steps need no more than ``SimState.nearest``.
+        """
+        return self._read(self.state.ranges)
 
     @property
     def measured_pose(self) -> FloatArray:
@@ -139,9 +143,15 @@ class PlanarSimulator:
         It is cast anew where the robots are perturbed.
         """
         if self.errors is None:
-            return self.state.scan
-        scan = np.empty_like(self.state.scan)
-        perturbed_kernels.true_scan(self.state, *self._scene, scan)
+            return self.scan
+        ranges = np.empty_like(self.state.ranges)
+        perturbed_kernels.true_ranges(self.state, *self._scene, ranges)
+        return self._read(ranges)
+
+    def _read(self, ranges: NDArray[np.float32]) -> NDArray[np.float32]:
+        lidar = self.robot.lidar
+        scan = np.empty((self.num_envs, lidar.num_beams), dtype=np.float32)
+        read_scans(ranges, scan, lidar.range_min, lidar.range_max)
         return scan
 
     def arrays(self) -> dict[str, NDArray[Any]]:

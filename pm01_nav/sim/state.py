@@ -33,11 +33,10 @@ class SimState(NamedTuple):
     heading: FloatArray
     """cos and sin of the yaw, shape (num_envs, 2)."""
     ranges: NDArray[np.float32]
-    """Exact ranges [m], shape (num_envs, num_beams padded to whole blocks): for the kernels."""
-    scan: NDArray[np.float32]
-    """What the lidar says, by REP-117 [m], shape (num_envs, num_beams); beam 0 at angle_min."""
+    """What the lidar measures, whatever its limits [m], shape (num_envs, num_beams padded to whole
+    blocks); beam 0 at angle_min."""
     nearest: NDArray[np.float32]
-    """Nearest range of the scan in each sector [m], shape (num_envs, num_sectors)."""
+    """Nearest reading of each sector, by REP-117 [m], shape (num_envs, num_sectors)."""
     clearance: FloatArray
     """From the footprint to the nearest obstacle [m], 0 or below in contact, shape (num_envs,)."""
     contact: NDArray[np.bool_]
@@ -89,7 +88,7 @@ class Sizes(NamedTuple):
     movers: int = 0
     path_cells: int = 0
     trail_capacity: int = 0
-    trail_sectors: int = 0
+    trail_size: int = 0
 
 
 def new_state(num_envs: int, sizes: Sizes) -> SimState:
@@ -101,7 +100,6 @@ def new_state(num_envs: int, sizes: Sizes) -> SimState:
         goal_polar=np.zeros((num_envs, 2)),
         heading=np.zeros((num_envs, 2)),
         ranges=np.zeros((num_envs, padded(sizes.beams)), dtype=np.float32),
-        scan=np.zeros((num_envs, sizes.beams), dtype=np.float32),
         nearest=np.zeros((num_envs, sizes.sectors), dtype=np.float32),
         clearance=np.zeros(num_envs),
         contact=np.zeros(num_envs, dtype=np.bool_),
@@ -118,7 +116,7 @@ def new_state(num_envs: int, sizes: Sizes) -> SimState:
         age=np.zeros(num_envs, dtype=np.int64),
         trail=np.zeros((num_envs, sizes.trail_capacity, 2)),
         trail_length=np.zeros(num_envs, dtype=np.int64),
-        visited=np.zeros((num_envs, sizes.trail_sectors), dtype=np.float32),
+        visited=np.zeros((num_envs, sizes.trail_size), dtype=np.float32),
         rng_key=np.zeros(num_envs, dtype=np.uint64),
         rng_count=np.zeros(num_envs, dtype=np.uint64),
     )
@@ -148,6 +146,7 @@ class TrailParams(NamedTuple):
     capacity: int = 0
     reach: float = 1.0
     near: float = 1.0
+    settled_places: int = 1
 
 
 class Features(NamedTuple):

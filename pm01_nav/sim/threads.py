@@ -36,6 +36,9 @@ class ThreadChoice:
         """Call ``kernel`` with the chosen number of threads, or as one more trial."""
         before = numba.get_num_threads()
         threads = min(self.threads or self._next_trial(), before)
+        if threads == before and self.threads:
+            kernel(*arguments)
+            return
         numba.set_num_threads(threads)
         try:
             began = time.perf_counter()

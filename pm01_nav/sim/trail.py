@@ -33,16 +33,20 @@ def follow_trail(state, i, trail, x, y, cos, sin):
 
 @compiled
 def look_back(state, i, trail, x, y, cos, sin):
-    """Sum up how much of the trail lies in each sector around the robot, 0 to 1.
+    """Sum up how much of the trail lies in each sector, 0 to 1, and how familiar this place is.
 
-    ``task.trail.visited_sectors`` is the same for a policy on a robot and says what it means.
+    ``task.trail.visited_sectors`` and ``familiarity`` are the same for a policy on a robot and say
+    what they mean.
     """
-    sectors = state.visited.shape[1]
+    sectors, capacity = state.visited.shape[1] - 1, state.trail.shape[1]
     for s in range(sectors):
         state.visited[i, s] = 0.0
-    for k in range(min(state.trail_length[i], state.trail.shape[1])):
+    nearest = trail.near
+    for k in range(min(state.trail_length[i], capacity)):
         dx, dy = to_base(state.trail[i, k, 0] - x, state.trail[i, k, 1] - y, cos, sin)
         distance = np.sqrt(dx * dx + dy * dy)
+        if (state.trail_length[i] - 1 - k) % capacity >= trail.settled_places:
+            nearest = min(nearest, distance)
         if distance < trail.reach:
             weight = min(distance / trail.near, 1.0) * (1.0 - distance / trail.reach)
             place = (direction(dx, dy) / (2.0 * np.pi) + 0.5) * sectors - 0.5
@@ -52,3 +56,4 @@ def look_back(state, i, trail, x, y, cos, sin):
             state.visited[i, (right + 1) % sectors] += np.float32(weight * share)
     for s in range(sectors):
         state.visited[i, s] /= np.float32(1.0) + state.visited[i, s]
+    state.visited[i, sectors] = np.float32(1.0 - nearest / trail.near)

@@ -13,6 +13,7 @@ from pm01_nav.config import FrozenModel, merge, validate
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, load_robot
 from pm01_nav.sim.state import PedestrianModel
 from pm01_nav.task.action import ActionLimits
+from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.observation import ObservationLayout, ScanGeometry
 from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.task.rewards import REWARDS
@@ -28,6 +29,8 @@ class ObservationConfig(FrozenModel):
     previous_action: bool = True
     trail: TrailLayout | None = None
     """How the places where the robot has been are shown; None does not show them."""
+    frames: FramesLayout | None = None
+    """Which earlier scans are shown; None shows the present one alone."""
     goal_distance_max: Positive = 10.0
     range_max: Positive | None = None
     """Show ranges up to this only [m]; None shows the lidar's whole range."""
@@ -93,6 +96,8 @@ class TaskConfig(FrozenModel):
                 f"randomization.footprint_padding: must not exceed margin ({self.margin:g}), or "
                 "episodes start in contact"
             )
+        if "revisiting" in self.rewards and self.observation.trail is None:
+            raise ValueError("rewards.revisiting: needs observation.trail")
         for name, term in self.rewards.items():
             if name not in REWARDS:
                 raise ValueError(f"rewards.{name}: unknown; allowed: {', '.join(sorted(REWARDS))}")
@@ -139,6 +144,7 @@ def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayou
         goal=seen.goal,
         previous_action=seen.previous_action,
         trail=seen.trail,
+        frames=seen.frames,
         goal_distance_max=seen.goal_distance_max,
         normalize=seen.normalize,
     )

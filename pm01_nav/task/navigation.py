@@ -13,6 +13,7 @@ from pm01_nav.errors import InputError
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
+from pm01_nav.task.frames import FrameStack
 from pm01_nav.task.observation import ObservationLayout, build_observation
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.step import Step
@@ -93,9 +94,8 @@ class NavigationBatch:
             self.simulator.perturb(config.randomization.ranges(self.robot))
         # Attributes of pydantic models are slow to read.
         self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
-        self._scale = np.array(self.layout.scale, dtype=np.float32)
-        other_than_one = np.flatnonzero(self._scale != 1.0)
-        self._scaled = slice(other_than_one[0], other_than_one[-1] + 1)
+        frames, sectors = self.layout.frames, self.simulator.state.nearest.shape[1]
+        self._frames = FrameStack(frames, num_envs, sectors) if frames else None
         self._count = np.zeros(num_envs, dtype=np.int64)
         self._action = np.zeros((num_envs, 2))
         self._term_sums = np.zeros((len(config.rewards), num_envs))
@@ -115,23 +115,23 @@ class NavigationBatch:
     def observe(self, indices: NDArray[np.int64] | slice = ALL) -> NDArray[np.float32]:
         """Return the present observations as environments give them, shape (n, size)."""
         sim = self.simulator
-        observation = build_observation(
+        return build_observation(
             self.layout,
-            sim.state.nearest[indices],
+            self._frames.show(indices) if self._frames else sim.state.nearest[indices],
             sim.measured_goal[indices],
             sim.measured_twist[indices],
             self._action[indices],
             sim.state.visited[indices],
+            normalized=self.layout.normalize,
         )
-        if self.layout.normalize:
-            observation[:, self._scaled] /= self._scale[self._scaled]
-        return observation
 
     def advance(self, command: NDArray[np.float64]) -> Step:
         """Apply commands (num_envs, 2) [m/s, rad/s] and judge the outcome; nothing is reset."""
         state = self.simulator.state
         before, path_before = state.goal_polar[:, 0].copy(), state.path_distance.copy()
         self.simulator.step(command)
+        if self._frames:
+            self._frames.push(state.nearest)
         self._count += 1
         step = Step(
             xp=np,
@@ -146,6 +146,7 @@ class NavigationBatch:
             previous_goal_distance=before,
             path_distance=state.path_distance,
             previous_path_distance=path_before,
+            visited=state.visited,
             count=self._count,
         )
         step.reached, step.collided = judge(step, self.config)
@@ -200,6 +201,8 @@ class NavigationBatch:
 
     def _begin(self, indices: NDArray[np.int64], worlds: NDArray[np.int64] | None) -> None:
         self.simulator.reset(indices, worlds)
+        if self._frames:
+            self._frames.begin(indices, self.simulator.state.nearest[indices])
         self._count[indices] = 0
         self._action[indices] = 0.0
         self._term_sums[:, indices] = 0.0
@@ -223,8 +226,13 @@ class NavigationBatch:
             array[...] = arrays[name].view(array.dtype)
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        return self.simulator.arrays() | {
-            "count": self._count,
-            "action": self._action,
-            "term_sums": self._term_sums,
-        }
+        frames = self._frames.arrays() if self._frames else {}
+        return (
+            self.simulator.arrays()
+            | frames
+            | {
+                "count": self._count,
+                "action": self._action,
+                "term_sums": self._term_sums,
+            }
+        )

@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 from pm01_nav.errors import InputError
 from pm01_nav.task.action import ActionLimits
+from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.trail import TrailLayout
 
 
@@ -70,6 +71,8 @@ class ObservationLayout:
     """A goal further away than this [m] is shown at this distance."""
     trail: TrailLayout | None = None
     """How the places where the robot has been are shown; None does not show them."""
+    frames: FramesLayout | None = None
+    """Which earlier scans are shown; None shows the present one alone."""
     normalize: bool = True
     """Whether environments divide each part by its scale; exported policies do so themselves."""
 
@@ -87,17 +90,17 @@ class ObservationLayout:
     @cached_property
     def parts(self) -> tuple[Part, ...]:
         """The observation's parts in order."""
-        size = self.sectors or self.scan.num_beams
-        limits = self.limits
+        size, limits = self.sectors or self.scan.num_beams, self.limits
         scan = (
             Part("scan_nearness", size, -1.0, 1.0, "1")
             if self.nearness_distance > 0.0
             else Part("scan", size, 0.0, self.scan.range_max, "m")
         )
-        parts = [
-            scan,
-            Part("goal_distance", 1, 0.0, self.goal_distance_max, "m"),
-        ]
+        parts = [scan]
+        if self.frames is not None:
+            earlier = f"earlier_{scan.name}"
+            parts.append(scan._replace(name=earlier, size=self.frames.count * size))
+        parts.append(Part("goal_distance", 1, 0.0, self.goal_distance_max, "m"))
         if self.goal == "polar":
             parts.append(Part("goal_bearing", 1, -math.pi, math.pi, "rad"))
         else:
@@ -108,6 +111,7 @@ class ObservationLayout:
             parts.append(Part("previous_action", 2, -1.0, 1.0, "1"))
         if self.trail is not None:
             parts.append(Part("visited", self.trail.sectors, 0.0, 1.0, "1"))
+            parts.append(Part("familiarity", 1, 0.0, 1.0, "1"))
         return tuple(parts)
 
     @cached_property
@@ -115,7 +119,7 @@ class ObservationLayout:
         """How many numbers an observation has."""
         return sum(part.size for part in self.parts)
 
-    @property
+    @cached_property
     def scale(self) -> list[float]:
         """What each number is divided by when normalised."""
         return [part.scale for part in self.parts for _ in range(part.size)]
@@ -143,9 +147,10 @@ class ObservationLayout:
         """
         try:
             known = {f.name for f in fields(cls)}
-            rest = {k: v for k, v in data.items() if k not in ("scan", "limits", "trail")}
-            if data.get("trail") is not None:
-                rest["trail"] = TrailLayout(**data["trail"])
+            rest = {k: v for k, v in data.items() if k not in ("scan", "limits")}
+            for name, layout in (("trail", TrailLayout), ("frames", FramesLayout)):
+                if rest.get(name) is not None:
+                    rest[name] = layout(**rest[name])
             if unknown := sorted(set(rest) - known):
                 raise InputError(f"observation.{unknown[0]}: unknown key")
             return cls(ScanGeometry(**data["scan"]), ActionLimits(**data["limits"]), **rest)
@@ -194,20 +199,27 @@ def build_observation(
     velocity: Any,
     previous_action: Any,
     visited: Any = None,
+    *,
+    normalized: bool = False,
 ) -> Any:
-    """Build observations in physical units, shape (..., layout.size), float32.
+    """Build observations, shape (..., layout.size), float32, in physical units or ``normalized``.
 
     ``nearest`` (..., sectors or num_beams) is the nearest range of each sector, by REP-117 with
-    nothing invalid in it [m], ``goal`` (..., 2) distance and bearing [m, rad], ``velocity``
-    (..., 2) v and w [m/s, rad/s], ``previous_action`` (..., 2) in [-1, 1], ``visited`` (...,
-    trail.sectors) 0 to 1 if the layout has a trail. No return shows as range_max, and too close
-    as range_min.
+    nothing invalid in it [m], followed by those of earlier scans if the layout has frames,
+    ``goal`` (..., 2) distance and bearing [m, rad], ``velocity`` (..., 2) v and w [m/s, rad/s],
+    ``previous_action`` (..., 2) in [-1, 1], ``visited`` (..., trail.size) 0 to 1 if the layout
+    has a trail. No return shows as range_max, and too close as range_min.
     """
     xp = nearest.__array_namespace__()
+    scale = layout.scale if normalized else [1.0] * layout.size
     ranges = _clip(xp, nearest, layout.scan.range_min, layout.scan.range_max)
     if layout.nearness_distance > 0.0:
-        distance = layout.nearness_distance
-        ranges = (distance - ranges) / (distance + ranges)
+        # (d - r) / (d + r), in fewer passes.
+        ranges += layout.nearness_distance
+        ranges = (2.0 * layout.nearness_distance) / ranges
+        ranges -= 1.0
+    elif normalized:
+        ranges /= layout.scan.range_max
     limits, bearing = layout.limits, goal[..., 1]
     # Column by column: numpy is slow on rows of one or two numbers.
     columns = [xp.minimum(goal[..., 0], layout.goal_distance_max)]
@@ -220,7 +232,7 @@ def build_observation(
     begin = ranges.shape[-1]
     observation[..., :begin] = ranges
     for k, column in enumerate(columns, start=begin):
-        observation[..., k] = column
+        observation[..., k] = column if scale[k] == 1.0 else column / scale[k]
     if layout.trail is not None:
         observation[..., begin + len(columns) :] = visited
     return observation

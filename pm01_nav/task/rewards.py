@@ -79,6 +79,12 @@ def proximity(step: Step, distance: float = 0.2) -> Any:
 
 
 @reward_term
+def revisiting(step: Step) -> Any:
+    """1 at a place that the robot had left, 0 away from all such places (``trail.near``)."""
+    return step.visited[:, -1]
+
+
+@reward_term
 def jerkiness(step: Step) -> Any:
     """Squared change of the action since the last step, summed over both parts."""
     return step.xp.sum((step.action - step.previous_action) ** 2, axis=-1)

@@ -39,6 +39,8 @@ class Step:
     """Length of the way to the goal, where rewards ask for it [m], shape (num_envs,)."""
     previous_path_distance: Any
     """The same before the step [m], shape (num_envs,)."""
+    visited: Any
+    """What the trail shows, where the task has one, shape (num_envs, trail size)."""
     count: Any
     """Steps of the episode so far, this one included, shape (num_envs,)."""
     action: Any = None

@@ -34,6 +34,13 @@ class TrailLayout:
     """Places further away than this do not count [m]."""
     near: float = 0.5
     """Nearer than this a place counts the less the nearer it is: it has no clear direction [m]."""
+    settled_places: int = 5
+    """A place is left behind, and coming near it is to come back, once so many more are noted."""
+
+    @property
+    def size(self) -> int:
+        """How many numbers show the trail: the sectors, and how familiar the present place is."""
+        return self.sectors + 1
 
     def __post_init__(self) -> None:
         """Refuse numbers that are not positive.
@@ -73,6 +80,19 @@ def visited_sectors(
     return (sums / (1.0 + sums)).astype(np.float32)
 
 
+def familiarity(
+    layout: TrailLayout, places: FloatArray, settled: NDArray[np.bool_], pose: FloatArray
+) -> NDArray[np.float32]:
+    """Return how near each robot is to a place that it had left behind, 0 to 1, shape (n,).
+
+    It is 1 - d / near at a distance d to the nearest of the ``places`` (n, capacity, 2) [m] that
+    are ``settled`` (n, capacity).
+    """
+    offset = places - pose[:, None, :2]
+    distance = np.where(settled, np.hypot(offset[..., 0], offset[..., 1]), np.inf)
+    return np.maximum(1.0 - distance.min(axis=1) / layout.near, 0.0).astype(np.float32)
+
+
 class Trail:
     """The trails of n robots, kept by dead reckoning from their measured velocities."""
 
@@ -87,7 +107,7 @@ class Trail:
         self._noted = 0
 
     def follow(self, velocity: ArrayLike) -> NDArray[np.float32]:
-        """Move on by one control step; return ``visited_sectors``, shape (n, sectors).
+        """Move on by one control step; return ``visited_sectors`` and ``familiarity``, (n, size).
 
         ``velocity`` (n, 2): measured v and w [m/s, rad/s] now. The first call moves nothing.
         """
@@ -99,10 +119,15 @@ class Trail:
             self._places[:, self._noted % self.layout.capacity] = self._pose[:, :2]
             self._noted += 1
         self._steps += 1
-        noted = np.arange(self.layout.capacity) < self._noted
-        return visited_sectors(
-            self.layout, self._places, np.broadcast_to(noted, self._places.shape[:2]), self._pose
-        )
+        slots, shape = np.arange(self.layout.capacity), self._places.shape[:2]
+        noted = slots < self._noted
+        # How many places were noted after that of a slot; the slots are a ring.
+        later = (self._noted - 1 - slots) % self.layout.capacity
+        settled = noted & (later >= self.layout.settled_places)
+        memory = self.layout, self._places
+        sectors = visited_sectors(*memory, np.broadcast_to(noted, shape), self._pose)
+        here = familiarity(*memory, np.broadcast_to(settled, shape), self._pose)
+        return np.concatenate([sectors, here[:, None]], axis=1)
 
 
 def _moved(pose: FloatArray, twist: FloatArray, dt: float) -> FloatArray:

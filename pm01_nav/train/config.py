@@ -34,7 +34,7 @@ class PPOConfig(FrozenModel):
     ent_coef: NonNegative = 0.0
     vf_coef: NonNegative = 0.5
     max_grad_norm: Positive = 0.5
-    net_arch: tuple[Count, ...] = (64, 64)
+    net_arch: tuple[Count, ...] = (128, 128)
     activation: Literal["relu", "tanh", "elu"] = "relu"
     log_std_init: float = -0.5
     reward_scale: Positive = 0.02

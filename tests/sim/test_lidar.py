@@ -13,6 +13,7 @@ from pm01_nav.geometry import rectangle
 from pm01_nav.robot import full_circle
 from pm01_nav.sim.lidar import ANGLE_ERROR, direction, nearest_in_sectors
 from pm01_nav.sim.reference import reference_scan
+from pm01_nav.sim.state import lidar_params
 from pm01_nav.worlds.world import OccupancyGrid, World
 
 BOUNDS = (-5.0, -5.0, 5.0, 5.0)
@@ -245,9 +246,10 @@ def test_direction_is_as_good_as_it_says() -> None:
         assert np.abs(np.array(found) - angles).max() <= ANGLE_ERROR
 
 
-def test_nearest_in_sectors() -> None:
-    scan = np.array([[9.0, 5.0, np.inf, 7.0, 8.0, 6.0], [1, 2, 3, 4, -np.inf, 5]], dtype=np.float32)
+def test_nearest_in_sectors(make_robot) -> None:
+    lidar = lidar_params(make_robot(lidar={"num_beams": 6, "range_min": 0.5, "range_max": 8.0}))
+    ranges = np.array([[9, 5, np.inf, 8.1, 8, 6], [1, 2, 3, 4, 0.4, 5]], dtype=np.float32)
     nearest = np.zeros((2, 3), dtype=np.float32)
     for i in range(2):
-        nearest_in_sectors(scan, nearest, i)
-    assert nearest.tolist() == [[5.0, 7.0, 6.0], [1.0, 3.0, -np.inf]]
+        nearest_in_sectors(lidar, ranges, nearest, i)
+    assert nearest.tolist() == [[5.0, np.inf, 6.0], [1.0, 3.0, -np.inf]]

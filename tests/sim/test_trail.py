@@ -11,11 +11,11 @@ import pytest
 from pm01_nav.robot import load_robot
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.sim.state import Features, TrailParams
-from pm01_nav.task.trail import Trail, TrailLayout, visited_sectors
+from pm01_nav.task.trail import Trail, TrailLayout, familiarity, visited_sectors
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
 
-LAYOUT = TrailLayout(sectors=8, interval_steps=5, capacity=6, reach=3.0, near=0.5)
+LAYOUT = TrailLayout(sectors=8, interval_steps=5, capacity=6, reach=3.0, near=0.5, settled_places=3)
 
 
 @pytest.fixture
@@ -58,14 +58,20 @@ def test_a_reset_forgets(sim: PlanarSimulator) -> None:
 
 
 def test_simulator_and_policy_agree(sim: PlanarSimulator) -> None:
-    trail = Trail(LAYOUT, 0.1, 5)
+    trail, familiar = Trail(LAYOUT, 0.1, 5), 0.0
     trail.follow(sim.state.twist)
     for _ in drive(sim, 60):
         length = np.minimum(sim.state.trail_length, 6)
         noted = np.arange(6) < length[:, None]
         exact = visited_sectors(LAYOUT, sim.state.trail, noted, sim.state.pose)
+        # The last slot written is that of the latest place; before it lie the earlier ones.
+        later = (sim.state.trail_length[:, None] - 1 - np.arange(6)) % 6
+        here = familiarity(LAYOUT, sim.state.trail, noted & (later >= 3), sim.state.pose)
+        exact = np.concatenate([exact, here[:, None]], axis=1)
         # The kernel takes directions that may be 1e-4 rad off: a share of 1.3e-4 of each place.
         assert sim.state.visited == pytest.approx(exact, abs=1e-3)
         # Dead reckoning takes the mean of the speeds at both ends of a step.
         assert trail.follow(sim.state.twist) == pytest.approx(exact, abs=0.05)
-    assert sim.state.visited.max() > 0.3
+        familiar = max(familiar, here.max())
+    assert sim.state.visited[:, :8].max() > 0.3
+    assert familiar > 0.3

@@ -19,7 +19,7 @@ from pm01_nav.task.worlds import world_pool
 def step(**values: Any) -> Step:
     """Return a step in which nothing happens but ``values``, each given as a list of rows."""
     fields: dict[str, Any] = dict.fromkeys(
-        ("pose", "twist", "command", "read_scan", "clearance", "contact", "count"), None
+        ("pose", "twist", "command", "read_scan", "clearance", "contact", "visited", "count"), None
     )
     fields |= {"goal_distance": [1.0], "goal_bearing": [0.0], "previous_goal_distance": [1.0]}
     fields |= {"path_distance": [1.5], "previous_path_distance": [1.5]}
@@ -32,6 +32,7 @@ def step(**values: Any) -> Step:
     ("term", "values", "params", "expected"),
     [
         ("goal", {"reached": [True, False]}, {}, [1, 0]),
+        ("revisiting", {"visited": [[0.9, 0.0], [0.3, 0.7]]}, {}, [0, 0.7]),
         ("collision", {"collided": [True, False]}, {}, [1, 0]),
         (
             "progress",
@@ -93,7 +94,7 @@ def test_every_term_has_a_test() -> None:
 def test_sum_of_the_logged_terms_is_the_reward() -> None:
     table = {name: {"weight": w} for name, w in zip(sorted(REWARDS), range(1, 99), strict=False)}
     changes = {"num_worlds": 2, "time_limit_steps": 30}
-    config = task_config("static")
+    config = task_config("corridors")  # it has a trail, which one of the terms needs
     config = type(config).model_validate(config.model_dump() | {"rewards": table} | changes)
     config = config.model_copy(update={"robot_changes": {"lidar": full_circle(36)}})
     batch = NavigationBatch(config, world_pool(config, "train", 2), 16)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pm01_nav.errors import InputError
-from pm01_nav.task.trail import Trail, TrailLayout, visited_sectors
+from pm01_nav.task.trail import Trail, TrailLayout, familiarity, visited_sectors
 
 FOUR = TrailLayout(sectors=4, interval_steps=2, capacity=3, reach=2.0, near=0.5)
 
@@ -60,8 +60,8 @@ def test_dead_reckoning() -> None:
         seen = trail.follow(velocity)
     # Places at steps 16, 18 and 20 are left: 0.2, 0.1 and 0 m behind the first robot. They weigh
     # 0.4 x 0.9 and 0.2 x 0.95, shared by the two sectors behind: 0.275 each.
-    assert seen[0] == pytest.approx([0.275 / 1.275, 0, 0, 0.275 / 1.275], abs=1e-6)
-    assert seen[1] == pytest.approx([0, 0, 0, 0], abs=1e-6)
+    assert seen[0] == pytest.approx([0.275 / 1.275, 0, 0, 0.275 / 1.275, 0], abs=1e-6)
+    assert seen[1] == pytest.approx([0, 0, 0, 0, 0], abs=1e-6)
 
 
 def test_dead_reckoning_on_an_arc() -> None:
@@ -71,7 +71,31 @@ def test_dead_reckoning_on_an_arc() -> None:
     # Half a circle of radius 0.5 x 3.1 / pi in 3.1 s: the start lies one diameter, 0.98676 m, to
     # the left, between the two left sectors. It weighs 1 - 0.98676 / 4 = 0.75331.
     part = 0.5 * 0.75331
-    assert seen[0] == pytest.approx([0, 0, part / (1 + part), part / (1 + part)], abs=1e-4)
+    assert seen[0] == pytest.approx([0, 0, part / (1 + part), part / (1 + part), 0], abs=1e-4)
+
+
+def test_a_place_is_familiar_near_one_that_was_left() -> None:
+    places, pose = np.array([[(0.3, 0.4), (1.0, 0.0)]]), np.zeros((1, 3))
+    layout = TrailLayout(near=2.0)
+    # 1 - 0.5 / 2 by the first one, 1 - 1 / 2 by the second.
+    for settled, expected in (((True, True), 0.75), ((False, True), 0.5), ((False, False), 0.0)):
+        assert familiarity(layout, places, np.array([settled]), pose) == pytest.approx([expected])
+
+
+def test_one_that_goes_there_and_back_comes_to_familiar_places() -> None:
+    # A place is noted at each step and settled after 3; 8 steps of 0.1 m ahead, then back.
+    layout = TrailLayout(interval_steps=1, capacity=8, near=0.25, settled_places=3)
+    trail = Trail(layout, 0.1, 1)
+    velocities = [(0.0, 0.0), *[(1.0, 0.0)] * 8, *[(-1.0, 0.0)] * 8]
+    here = [float(trail.follow([velocity])[0, -1]) for velocity in velocities]
+    # Each step is the mean of the speeds at its ends: 0.05 m at first, 0 m at the turn. Ahead, the
+    # last settled place lies three steps, 0.3 m, behind.
+    assert here[:9] == pytest.approx([0.0] * 9)
+    # Places: 0, 0.05, 0.15, ..., 0.75 (8th step), 0.75 (9th), then 0.65, ... At the 11th step, at
+    # 0.55 m, the place 0.55 m of the 6th step has five behind it; at the 16th, at 0.05 m, the
+    # eight latest places are 0.75 ... 0.05 m on the way back: of the settled ones 0.35 m is next.
+    assert here[11] == pytest.approx(1.0)
+    assert here[16] == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("wrong", [{"sectors": 0}, {"reach": -1.0}, {"near": float("nan")}])

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A memory of the last scans, which tells what moves from what stands still.
+
+Environments and policies keep it alike, in this class.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pm01_nav.errors import InputError
+
+
+@dataclass(frozen=True)
+class FramesLayout:
+    """Which earlier scans are shown beside the present one."""
+
+    count: int = 2
+    """How many."""
+    interval_steps: int = 3
+    """Control steps between one and the next."""
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that are not positive.
+
+        Raises:
+            InputError: names the first one.
+        """
+        for name, value in asdict(self).items():
+            if value < 1:
+                raise InputError(f"frames.{name} = {value}: must be 1 or more")
+
+
+class FrameStack:
+    """The last scans of n robots, each given by its nearest range in each sector."""
+
+    def __init__(self, layout: FramesLayout, num_robots: int, sectors: int) -> None:
+        """Make room; ``begin`` fills it."""
+        self._ago = [layout.interval_steps * k for k in range(layout.count + 1)]
+        self._ring = np.zeros((self._ago[-1] + 1, num_robots, sectors), dtype=np.float32)
+        self._now = np.zeros(1, dtype=np.int64)
+
+    def begin(self, robots: NDArray[np.int64] | slice, nearest: NDArray[np.float32]) -> None:
+        """Let some robots have seen nothing but ``nearest`` (n, sectors) [m]."""
+        self._ring[:, robots] = nearest
+
+    def push(self, nearest: NDArray[np.float32]) -> None:
+        """Go on by one control step, in which all robots saw ``nearest`` (num_robots, sectors)."""
+        self._now[0] = (self._now[0] + 1) % len(self._ring)
+        self._ring[self._now[0]] = nearest
+
+    def show(self, robots: NDArray[np.int64] | slice) -> NDArray[np.float32]:
+        """Return the present frame and the earlier ones, newest first, (n, frames x sectors)."""
+        now = int(self._now[0])
+        return np.concatenate([self._ring[now - ago, robots] for ago in self._ago], axis=-1)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that make up the memory, not copied."""
+        return {"frames": self._ring, "frame_now": self._now}
