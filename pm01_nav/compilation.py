@@ -82,6 +82,18 @@ def compiled(
         return numba.njit(**options)(function)
 
 
+def bound(kernel: Any, *arguments: object) -> Callable[..., None]:
+    """Return a compiled function as it is for the types of ``arguments``, without numba's dispatch.
+
+    Numba looks at the type of everything it is handed at each call, and a simulator hands over some
+    sixty arrays: that took a tenth of a step of a thousand robots. Nothing is checked here, so it
+    may be called with arguments of exactly these types only.
+    """
+    signature = tuple(numba.typeof(argument) for argument in arguments)
+    kernel.compile(signature)
+    return kernel.overloads[signature].entry_point
+
+
 @contextmanager
 def patched(module: ModuleType, name: str, value: object) -> Iterator[None]:
     """Set an attribute of a module for a while."""

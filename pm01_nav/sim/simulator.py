@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pm01_nav.compilation import bound
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import crowd_kernels, kernels, perturbed_kernels
 from pm01_nav.sim.lidar import read_scans
@@ -95,6 +97,8 @@ class PlanarSimulator:
         self.drawn: Perturbation | None = None
         """What is wrong with each robot in its present episode; None if nothing is."""
         self._ranges: Perturbation | None = None
+        self._run_step: Callable[[FloatArray], None] | None = None
+        self._run_reset: Callable[[NDArray[np.int64]], None] | None = None
 
     def _time_step(self, fastest_factor: float) -> TimeStep:
         """Divide a control step for a robot that goes faster than described by a factor."""
@@ -113,6 +117,7 @@ class PlanarSimulator:
         self.drawn = new_perturbation(self.num_envs)
         self._ranges = ranges
         self._time = self._time_step(fastest_factor(ranges))
+        self._run_step = self._run_reset = None  # other kernels from now on
 
     @property
     def scan(self) -> NDArray[np.float32]:
@@ -179,26 +184,48 @@ class PlanarSimulator:
         """
         if indices is None:
             indices = np.arange(self.num_envs)
+        indices = np.ascontiguousarray(indices, dtype=np.int64)
         self.state.world[indices] = -1 if worlds is None else worlds
-        rest = (indices, *self._scene, self._trail, self._goal_distance, self._scratch)
-        if self.errors is not None:
-            errors = (self.errors, self.drawn, self._ranges)
-            perturbed_kernels.reset_some(self.state, *errors, *rest)
-        elif self._has_movers:
-            crowd_kernels.reset_some(self.state, *rest)
-        else:
-            kernels.reset_some(self.state, *rest)
+        if self._run_reset is None:
+            self._run_reset = self._bind_reset(indices)
+        self._run_reset(indices)
 
-    def step(self, command: NDArray[np.float64]) -> None:
-        """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step."""
-        rest = (command, *self._scene, self._time, self._trail)
+    def step(self, command: ArrayLike) -> None:
+        """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step.
+
+        Raises:
+            ValueError: their shape is another one.
+        """
+        command = np.ascontiguousarray(command, dtype=np.float64)
+        if command.shape != (self.num_envs, 2):
+            raise ValueError(f"command: shape {command.shape}, needs {(self.num_envs, 2)}")
+        if self._run_step is None:
+            self._run_step = self._bind_step(command)
+        self._threads(self._run_step, command)
+
+    def _bind_step(self, command: FloatArray) -> Callable[[FloatArray], None]:
+        """Return the function that steps this batch; ``command`` is one as it will be given."""
+        errors: tuple[Any, ...] = ()
+        rest = (*self._scene, self._time, self._trail)
+        kernel = kernels.step_batch
         if self.errors is not None:
-            errors = (self.errors, self.drawn)
-            self._threads(perturbed_kernels.step_batch, self.state, *errors, *rest, self._crowd)
+            kernel, errors = perturbed_kernels.step_batch, (self.errors, self.drawn)
+            rest = (*rest, self._crowd)
         elif self._has_movers:
-            self._threads(crowd_kernels.step_batch, self.state, *rest, self._crowd)
-        else:
-            self._threads(kernels.step_batch, self.state, *rest)
+            kernel, rest = crowd_kernels.step_batch, (*rest, self._crowd)
+        run, state = bound(kernel, self.state, *errors, command, *rest), self.state
+        return lambda command: run(state, *errors, command, *rest)
+
+    def _bind_reset(self, indices: NDArray[np.int64]) -> Callable[[NDArray[np.int64]], None]:
+        """Return the function that resets robots of this batch, such as ``indices``."""
+        errors: tuple[Any, ...] = ()
+        rest = (*self._scene, self._trail, self._goal_distance, self._scratch)
+        kernel = crowd_kernels.reset_some if self._has_movers else kernels.reset_some
+        if self.errors is not None:
+            kernel = perturbed_kernels.reset_some
+            errors = (self.errors, self.drawn, self._ranges)
+        run, state = bound(kernel, self.state, *errors, indices, *rest), self.state
+        return lambda indices: run(state, *errors, indices, *rest)
 
     def movers(self, i: int) -> NDArray[np.float64]:
         """Return x, y and radius of the movers of environment i, shape (n, 3) [m]."""

@@ -154,3 +154,25 @@ def test_robots_do_not_influence_each_other(make_robot, simulate) -> None:
         together.step(np.array([[0.4, 0.3], [-0.2, -1.0], [0.5, 1.5]]))
         alone.step(np.array([[0.4, 0.3]]))
     assert together.state.pose[0].tolist() == alone.state.pose[0].tolist()
+
+
+def test_commands_of_any_kind_of_array_and_of_no_other_shape(make_robot, simulate) -> None:
+    poses, robot = np.zeros((3, 3)), make_robot()
+    command = np.array([[0.5, 0.25], [0.125, -1.0], [0.25, 0.0]])
+    kinds = (
+        command,
+        command.tolist(),
+        command.astype(np.float32),
+        np.asfortranarray(command),
+        np.repeat(command, 2, axis=0)[::2],
+    )
+    ends = []
+    for kind in kinds:
+        sim = simulate(robot, OPEN, poses)
+        sim.step(np.zeros((3, 2)))
+        sim.step(kind)
+        ends.append(sim.state.pose.copy())
+    assert all(np.array_equal(end, ends[0]) for end in ends)
+    for wrong in (command[:2], command[:, 0], command[None]):
+        with pytest.raises(ValueError, match="command: shape"):
+            sim.step(wrong)

@@ -19,7 +19,7 @@ from pm01_nav.worlds.pool import WorldPool, generate_pool
 from pm01_nav.worlds.suites import SUITES
 
 NUM_STEPS = 120
-LOOKED_AT = ("pose", "twist", "goal", "goal_polar", "scan", "clearance", "contact", "world")
+LOOKED_AT = ("pose", "twist", "goal", "goal_polar", "ranges", "clearance", "contact", "world")
 
 
 def config() -> TaskConfig:
