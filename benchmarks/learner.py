@@ -69,7 +69,7 @@ def spin(stop: Any) -> None:
         sum(range(10000))
 
 
-def rates(seconds: np.ndarray, samples: int) -> dict[str, int]:
+def rates(seconds: np.ndarray, samples: int) -> dict[str, Any]:
     """Return steps a second: the median, and the quartiles around it."""
     low, middle, high = np.quantile(samples / seconds, (0.25, 0.5, 0.75))
     return {"median": round(middle), "quartiles": [round(low), round(high)]}
