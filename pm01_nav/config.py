@@ -34,9 +34,16 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
     temporary.replace(path)
 
 
+class _Dumper(yaml.SafeDumper):
+    """Write what stands twice twice: ``documents.load_yaml`` refuses aliases."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
 def to_yaml(data: Mapping[str, Any]) -> str:
-    """Format plain data as YAML, keys in the given order."""
-    return yaml.safe_dump(dict(data), sort_keys=False, allow_unicode=True)
+    """Format plain data as YAML without aliases, keys in the given order."""
+    return yaml.dump(dict(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True)
 
 
 def validate(

@@ -226,13 +226,6 @@ class NavigationBatch:
             array[...] = arrays[name].view(array.dtype)
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
+        own = {"count": self._count, "action": self._action, "term_sums": self._term_sums}
         frames = self._frames.arrays() if self._frames else {}
-        return (
-            self.simulator.arrays()
-            | frames
-            | {
-                "count": self._count,
-                "action": self._action,
-                "term_sums": self._term_sums,
-            }
-        )
+        return self.simulator.arrays() | own | frames

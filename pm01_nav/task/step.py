@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What happened in one control step, for reward terms and end conditions to read.
 
-All of it is true, whatever the robot's sensors and odometry say.
+All of it is true, whatever the robot's sensors and odometry say, but for ``visited``.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Step:
     previous_path_distance: Any
     """The same before the step [m], shape (num_envs,)."""
     visited: Any
-    """What the trail shows, where the task has one, shape (num_envs, trail size)."""
+    """What the trail shows by odometry, where the task has one, shape (num_envs, trail size)."""
     count: Any
     """Steps of the episode so far, this one included, shape (num_envs,)."""
     action: Any = None
