@@ -33,6 +33,8 @@ LEAST_CLOSED = 0.5
 """Narrower gaps are not worth closing [m]."""
 DOOR = (0.8, 1.2)
 """Width of a door [m]."""
+LEAF_THICKNESS = 0.04
+"""Of a door leaf [m]."""
 DOOR_MARGIN = 0.1
 """Wall left at least on either side of a door [m]."""
 BEFORE_DOOR = 0.6
@@ -182,7 +184,8 @@ def rooms(rng: np.random.Generator) -> World:
     hall, areas = _plan(bounds, rng)
     borders = _borders(areas)
     doors = _choose_doors(borders, hall, rng)
-    layout = Layout(bounds, [room_walls(*bounds), _walls(borders, doors)])
+    layout = Layout(bounds, [room_walls(*bounds)])
+    layout.add_walls(_walls(borders, doors))
     for door in doors:
         # A door leaf stands open with probability 0.3.
         if rng.random() < 0.3:
@@ -277,7 +280,7 @@ def _add_leaf(layout: Layout, door: _Door, rng: np.random.Generator) -> None:
     cos, sin = np.cos(yaw), np.sin(yaw)
     tip = hinge + (other - hinge) @ np.array([[cos, sin], [-sin, cos]])
     if layout.clearance(tip[None]) >= 0.3:
-        layout.segments.append(np.concatenate([hinge, tip])[None])
+        layout.add_walls(np.concatenate([hinge, tip])[None], LEAF_THICKNESS)
 
 
 def _furnish(layout: Layout, room: Area, doors: list[_Door], rng: np.random.Generator) -> None:

@@ -23,6 +23,8 @@ Box = tuple[float, float, float, float, float]
 PASSAGE = 0.65
 """What is left free between obstacles so that one can drive there: pm01 and its margin need 0.54 m,
 and a raster of 0.1 m may cost some of the rest [m]."""
+WALL_THICKNESS = 0.1
+"""Of walls between rooms or passages [m]. A line would be invisible to a lidar end-on."""
 SPACING = 0.2
 """Between the points that stand for a box or a line when distances are measured [m]."""
 
@@ -34,15 +36,18 @@ class Layout:
     bounds: Area
     segments: list[FloatArray] = field(default_factory=list)
     """Each of shape (n, 4)."""
+    walls: list[FloatArray] = field(default_factory=list)
+    """Outlines of walls that have a thickness, each of shape (4, 2)."""
     discs: list[tuple[float, float, float]] = field(default_factory=list)
     polygons: list[FloatArray] = field(default_factory=list)
 
     def clearance(self, points: FloatArray, walls: bool = True) -> float:
         """Return the least distance of points (n, 2) to an obstacle [m], 0 inside one.
 
-        ``walls`` counts the segments, too.
+        ``walls`` counts the segments and walls, too.
         """
-        segments = [*(self.segments if walls else ()), *map(polygon_edges, self.polygons)]
+        solids = [*(self.walls if walls else ()), *self.polygons]
+        segments = [*(self.segments if walls else ()), *map(polygon_edges, solids)]
         distance = np.inf
         if segments:
             distance = min(distance, _to_segments(points, np.concatenate(segments)))
@@ -50,7 +55,7 @@ class Layout:
             x, y, radius = np.array(self.discs).T
             apart = np.hypot(points[:, :1] - x, points[:, 1:] - y) - radius
             distance = min(distance, float(apart.min()))
-        if any(points_in_polygon(points, polygon).any() for polygon in self.polygons):
+        if any(points_in_polygon(points, polygon).any() for polygon in solids):
             return 0.0
         return max(distance, 0.0)
 
@@ -64,7 +69,8 @@ class Layout:
 
         ``direction`` is a unit vector.
         """
-        walls = np.concatenate([*self.segments, *map(polygon_edges, self.polygons)])
+        solids = [*self.walls, *self.polygons]
+        walls = np.concatenate([*self.segments, *map(polygon_edges, solids)])
         offset, extent = walls[:, :2] - origin, walls[:, 2:] - walls[:, :2]
         across = direction[0] * extent[:, 1] - direction[1] * extent[:, 0]
         # Walls along the ray are met edge-on, where they have no width.
@@ -73,6 +79,19 @@ class Layout:
         along = (offset[:, 0] * direction[1] - offset[:, 1] * direction[0]) / across
         met = (distance >= 0.0) & (along >= 0.0) & (along <= 1.0)
         return float(distance[met].min(initial=np.inf))
+
+    def add_walls(
+        self, lines: FloatArray, thickness: float = WALL_THICKNESS, beyond: float = 0.0
+    ) -> None:
+        """Build walls along lines (n, 4), reaching past their ends by ``beyond`` [m].
+
+        What would reach over the bounds is cut off; there walls must run along x or y.
+        """
+        for x1, y1, x2, y2 in lines.tolist():
+            length, yaw = np.hypot(x2 - x1, y2 - y1), np.arctan2(y2 - y1, x2 - x1)
+            centre = 0.5 * (x1 + x2), 0.5 * (y1 + y2)
+            outline = rectangle(*centre, length + 2.0 * beyond, thickness, yaw)
+            self.walls.append(np.clip(outline, self.bounds[:2], self.bounds[2:]))
 
     def add_box(self, box: Box) -> None:
         """Put down a solid rectangle."""
@@ -104,7 +123,7 @@ class Layout:
             name,
             self.bounds,
             discs=np.array(self.discs, dtype=np.float64).reshape(-1, 3),
-            polygons=tuple(self.polygons),
+            polygons=(*self.walls, *self.polygons),
             segments=np.concatenate([np.zeros((0, 4)), *self.segments]),
             movers=tuple(movers),
             start_area=start_area,
@@ -150,9 +169,16 @@ def turned(points: FloatArray, centre: tuple[float, float], yaw: float) -> Float
     return points @ np.array([[cos, sin], [-sin, cos]]) + np.array(centre)
 
 
-def chain(points: FloatArray) -> FloatArray:
-    """Return the segments between successive points (n, 2), shape (n - 1, 4)."""
-    return np.concatenate([points[:-1], points[1:]], axis=1)
+def thick_chain(points: FloatArray, thickness: float = WALL_THICKNESS) -> FloatArray:
+    """Return the outline of a wall along successive points (n, 2), shape (2 n, 2) [m]."""
+    along = np.diff(points, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    before, after = np.concatenate([along[:1], along]), np.concatenate([along, along[-1:]])
+    # At a bend both sides are mitred: the offset has length 1 across either piece.
+    normal = np.stack([-before[:, 1] - after[:, 1], before[:, 0] + after[:, 0]], axis=1)
+    offset = normal / (1.0 + (before * after).sum(axis=1, keepdims=True))
+    half = 0.5 * thickness * offset
+    return np.concatenate([points + half, (points - half)[::-1]])
 
 
 def room_walls(x_min: float, y_min: float, x_max: float, y_max: float) -> FloatArray:

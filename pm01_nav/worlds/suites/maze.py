@@ -6,13 +6,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pm01_nav.worlds.suites.layout import Area, Layout, merge_walls, room_walls
+from pm01_nav.worlds.suites.layout import (
+    WALL_THICKNESS,
+    Area,
+    Layout,
+    merge_walls,
+    room_walls,
+)
 from pm01_nav.worlds.world import World
 
 Cell = tuple[int, int]
 BoolArray = NDArray[np.bool_]
 
-LEAST_SIDE = 9.2
+LEAST_SIDE = 10.0
 """Of the maze [m]."""
 PASSAGE_WIDTH = (0.85, 1.6)
 """[m]"""
@@ -36,15 +42,19 @@ def maze(rng: np.random.Generator) -> World:
     walls: list[Area] = [(x[i + 1], y[j], x[i + 1], y[j + 1]) for i, j in np.argwhere(~right)]
     walls += [(x[i], y[j + 1], x[i + 1], y[j + 1]) for i, j in np.argwhere(~above)]
     bounds = (0.0, 0.0, x[-1], y[-1])
-    return Layout(bounds, [room_walls(*bounds), merge_walls(walls)]).world("maze")
+    layout = Layout(bounds, [room_walls(*bounds)])
+    # Half their thickness longer, so that corners are closed.
+    layout.add_walls(merge_walls(walls), beyond=0.5 * WALL_THICKNESS)
+    return layout.world("maze")
 
 
 def _edges(rng: np.random.Generator) -> list[float]:
-    """Draw where n passages begin and end along one side, n + 1 coordinates [m]."""
-    # Each U(0.85, 1.6) m wide, until the side is 9.2 m long or more.
+    """Draw where the middles of walls may stand along one side [m]: n + 1 for n passages."""
+    # Passages U(0.85, 1.6) m wide, those at the side half a wall wider; until the side is 10 m
+    # long or more.
     edges = [0.0]
     while edges[-1] < LEAST_SIDE:
-        edges.append(edges[-1] + rng.uniform(*PASSAGE_WIDTH))
+        edges.append(edges[-1] + rng.uniform(*PASSAGE_WIDTH) + WALL_THICKNESS)
     return edges
 
 

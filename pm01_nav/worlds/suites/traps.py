@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from pm01_nav.worlds.suites.layout import (
     PASSAGE,
+    WALL_THICKNESS,
     Area,
     Layout,
-    chain,
     points_along,
     room_walls,
+    thick_chain,
     turned,
 )
 from pm01_nav.worlds.world import World
@@ -24,8 +25,8 @@ FloatArray = NDArray[np.float64]
 
 SIDE = 10.0
 """Of the room [m]."""
-MOUTH = 0.8
-"""Least width of a trap's opening [m]."""
+MOUTH = 0.8 + WALL_THICKNESS
+"""Least width of a trap's opening between the middles of thin walls [m]."""
 HALF_AREA = 0.5
 """Half the side of the square in which starts, or goals, are drawn [m]."""
 
@@ -35,20 +36,11 @@ class _Trap(NamedTuple):
 
     depth: float
     """From the mouth to the closed end [m]."""
-    solid: FloatArray | None
-    """Outline of a thick trap, shape (n, 2)."""
-    walls: FloatArray
-    """Thin walls of another, shape (n, 4)."""
+    outline: FloatArray
+    """Shape (n, 2)."""
 
     def put(self, layout: Layout, centre: tuple[float, float], yaw: float) -> None:
-        if self.solid is not None:
-            layout.polygons.append(turned(self.solid, centre, yaw))
-        if len(self.walls):
-            ends = turned(self.walls.reshape(-1, 2), centre, yaw)
-            layout.segments.append(ends.reshape(-1, 4))
-
-
-NO_WALLS = np.zeros((0, 4))
+        layout.polygons.append(turned(self.outline, centre, yaw))
 
 
 def u_traps(rng: np.random.Generator) -> World:
@@ -102,14 +94,14 @@ def _u(rng: np.random.Generator) -> _Trap:
     # Inside: width U(1.2, 3) m, depth U(1, 2.5) m; thickness U(0.1, 0.35) m. Each side of the mouth
     # lies U(-0.2, 0.6) m further out than the end.
     width, depth, thickness = rng.uniform(1.2, 3.0), rng.uniform(1.0, 2.5), rng.uniform(0.1, 0.35)
-    return _Trap(depth, _thick_u(width, depth, thickness, rng.uniform(-0.2, 0.6)), NO_WALLS)
+    return _Trap(depth, _thick_u(width, depth, thickness, rng.uniform(-0.2, 0.6)))
 
 
 def _blind_alley(rng: np.random.Generator) -> _Trap:
     """Draw a narrow, deep alley between two blocks."""
     # Width U(0.8, 1.3) m, depth U(1.8, 3.5) m; thickness U(0.2, 0.8) m.
     width, depth, thickness = rng.uniform(0.8, 1.3), rng.uniform(1.8, 3.5), rng.uniform(0.2, 0.8)
-    return _Trap(depth, _thick_u(width, depth, thickness, 0.0), NO_WALLS)
+    return _Trap(depth, _thick_u(width, depth, thickness, 0.0))
 
 
 def _thick_u(width: float, depth: float, thickness: float, flare: float) -> FloatArray:
@@ -130,29 +122,29 @@ def _thick_u(width: float, depth: float, thickness: float, flare: float) -> Floa
 
 
 def _bowl(rng: np.random.Generator) -> _Trap:
-    """Draw a round bay of thin walls."""
+    """Draw a round bay."""
     # Radius U(0.8, 1.6) m; it reaches U(90, 130) degrees to both sides, in 8 walls.
     radius, reach = rng.uniform(0.8, 1.6), np.deg2rad(rng.uniform(90.0, 130.0))
     # As much less as the mouth needs.
     reach = min(reach, np.pi - np.arcsin(0.5 * MOUTH / radius))
     angles = np.linspace(-reach, reach, 9)
     points = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    return _Trap(2.0 * radius, None, chain(points))
+    return _Trap(2.0 * radius, thick_chain(points))
 
 
 def _hook(rng: np.random.Generator) -> _Trap:
     """Draw thin walls like a U with a lip that half closes its mouth."""
-    # Width U(1.6, 3) m, depth U(1.2, 2.5) m; the lip covers U(0, 0.5) of the mouth, but leaves
-    # 0.8 m; it is at either side with equal probability.
+    # Width U(1.6, 3) m, depth U(1.2, 2.5) m; the lip covers U(0, 0.5) of the mouth and is at least
+    # as long as it is thick, but leaves 0.8 m free; at either side with equal probability.
     width, depth = rng.uniform(1.6, 3.0), rng.uniform(1.2, 2.5)
-    lip = min(rng.uniform(0.0, 0.5) * width, width - MOUTH)
+    lip = min(max(rng.uniform(0.0, 0.5) * width, WALL_THICKNESS), width - MOUTH)
     mouth, end, half = -0.5 * depth, 0.5 * depth, 0.5 * width
     points = np.array(
         [(mouth, half), (end, half), (end, -half), (mouth, -half), (mouth, lip - half)]
     )
     if rng.random() < 0.5:
         points[:, 1] *= -1.0
-    return _Trap(depth, None, chain(points))
+    return _Trap(depth, thick_chain(points))
 
 
 def _add_trap_aside(layout: Layout, kept_free: list[FloatArray], rng: np.random.Generator) -> None:

@@ -16,6 +16,7 @@ from pm01_nav.worlds.suites.layout import (
     merge_walls,
     points_along,
     room_walls,
+    thick_chain,
     turned,
     walkable,
 )
@@ -160,3 +161,20 @@ def test_walkable_is_the_largest_region() -> None:
     places = space.centre(rows, columns)
     assert places.min(axis=0) == pytest.approx([2.35, 0.35])
     assert places.max(axis=0) == pytest.approx([5.65, 3.65])
+
+
+def test_thick_chain_is_mitred_at_a_bend() -> None:
+    """A wall 0.2 m thick, 1 m along x and then 1 m along y: corners worked out by hand."""
+    outline = thick_chain(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), 0.2)
+    expected = [(0.0, 0.1), (0.9, 0.1), (0.9, 1.0), (1.1, 1.0), (1.1, -0.1), (0.0, -0.1)]
+    np.testing.assert_allclose(outline, expected, atol=1e-12)
+
+
+def test_walls_have_their_thickness_and_end_at_the_bounds() -> None:
+    layout = Layout((0.0, 0.0, 4.0, 4.0))
+    layout.add_walls(np.array([[0.0, 2.0, 3.0, 2.0]]), 0.2, beyond=0.1)
+    expected = [(0.0, 1.9), (3.1, 1.9), (3.1, 2.1), (0.0, 2.1)]
+    np.testing.assert_allclose(layout.walls[0], expected, atol=1e-12)
+    # From (1, 1) to its lower side.
+    assert layout.clearance(np.array([[1.0, 1.0]])) == pytest.approx(0.9)
+    assert layout.clearance(np.array([[1.0, 1.0]]), walls=False) == np.inf

@@ -9,6 +9,7 @@ from scipy import ndimage
 
 from pm01_nav.worlds.free_space import free_space
 from pm01_nav.worlds.suites.maze import _grow, maze
+from pm01_nav.worlds.world import World
 
 
 @pytest.mark.parametrize("latest", [0.0, 0.5, 1.0])
@@ -48,12 +49,13 @@ def test_passages_are_as_wide_as_they_say() -> None:
         world = maze(np.random.default_rng(seed))
         assert world.bounds[:2] == (0.0, 0.0)
         for axis in (0, 1):
-            assert 9.2 <= world.bounds[2 + axis] < 9.2 + 1.6
-            upright = world.segments[:, axis] == world.segments[:, axis + 2]
-            places = np.unique(world.segments[upright][:, axis])
-            # Where a whole line of walls is missing the next one is further away.
-            assert np.diff(places).min() >= 0.85 - 1e-9
-            assert np.median(np.diff(places)) <= 1.6
+            assert 10.0 <= world.bounds[2 + axis] < 10.0 + 1.7
+            middles = [low[axis] + 0.05 for low, high in _walls(world) if _across(low, high, axis)]
+            places = np.unique(np.round([0.0, *middles, world.bounds[2 + axis]], 6))
+            # Between two walls 0.1 m thick. Where a whole line of walls is missing the next one is
+            # further away.
+            assert np.diff(places).min() >= 0.85 + 0.1 - 1e-5
+            assert np.median(np.diff(places)) <= 1.6 + 0.1
 
 
 def test_all_of_a_maze_can_be_reached() -> None:
@@ -63,12 +65,29 @@ def test_all_of_a_maze_can_be_reached() -> None:
 
 def test_walls_are_joined() -> None:
     for seed in range(40):
-        segments = maze(np.random.default_rng(seed)).segments
-        ends = {tuple(s[:2]) for s in segments.tolist()}
-        for x1, y1, x2, y2 in segments[4:].tolist():
-            assert x1 == x2 or y1 == y2
-            # No other wall of the same direction goes on where this one ends.
-            following = [s for s in segments[4:].tolist() if tuple(s[:2]) == (x2, y2)]
-            assert not any((s[0] == s[2]) == (x1 == x2) for s in following)
-        assert len(ends) > 10
-        assert len(segments) <= 60
+        walls = _walls(maze(np.random.default_rng(seed)))
+        assert 10 < len(walls) <= 60
+        for axis in (0, 1):
+            upright = [wall for wall in walls if _across(*wall, axis)]
+            for low, high in upright:
+                # No other wall of the same direction goes on where this one ends.
+                others = [w for w in upright if abs(w[0][axis] - low[axis]) < 1e-6]
+                assert sum(w[0][1 - axis] <= high[1 - axis] + 0.1 for w in others) == 1 + sum(
+                    w[1][1 - axis] < low[1 - axis] for w in others
+                )
+
+
+def test_a_wall_can_be_seen_end_on() -> None:
+    """Every wall is 0.1 m wide: 2 degrees and more at 2 m, wider than a beam apart."""
+    for low, high in _walls(maze(np.random.default_rng(0))):
+        assert min(high - low) == pytest.approx(0.1)
+
+
+def _walls(world: World) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the lower left and upper right corners of the walls."""
+    return [(p.min(axis=0), p.max(axis=0)) for p in world.polygons]
+
+
+def _across(low: np.ndarray, high: np.ndarray, axis: int) -> bool:
+    """Tell whether a wall is thin along an axis."""
+    return bool(high[axis] - low[axis] < 0.1 + 1e-6)
