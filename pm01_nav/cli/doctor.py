@@ -160,11 +160,14 @@ def _threads() -> list[Finding]:
         return []
     import numba
 
+    from pm01_nav.task.config import observation_layout
+    from pm01_nav.task.tasks import task_config
     from pm01_nav.train.config import PPOConfig
     from pm01_nav.train.runtime import choose_threads
 
-    ppo = PPOConfig()
-    choice = choose_threads(0, ppo.batch_size, ppo.net_arch)
+    ppo, task = PPOConfig(), task_config("static")
+    size = observation_layout(task, task.robot_spec()).size
+    choice = choose_threads(0, ppo.batch_size, size, ppo.net_arch)
     simulator = f"{numba.get_num_threads()} (all cores)"
     return [
         Finding("learner threads", "ok", f"{choice.threads}: {choice.reason}"),

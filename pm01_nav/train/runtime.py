@@ -16,11 +16,11 @@ import torch
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 """Names of glibc's ``mallopt`` parameters (malloc.h)."""
 KEEP_BYTES = 1 << 30
-CLEAR_GAIN = 1.8
+CLEAR_GAIN = 1.25
 """More threads must be at least this much faster in a minibatch update, or one is used.
 
-A gain of 1.7 there was one of 1.04 in the whole training, and beside a process that kept both
-cores busy two threads kept 6 % of their speed, one thread 57 %.
+With the default network two threads on two cores gain 1.5 there and in the whole training, and
+beside busy cores they are as fast as one (``benchmarks/results/learner.json``).
 """
 
 
@@ -48,7 +48,9 @@ def keep_freed_memory() -> None:
         return  # another C library: slower, nothing else
 
 
-def choose_threads(requested: int, batch_size: int, net_arch: tuple[int, ...]) -> ThreadChoice:
+def choose_threads(
+    requested: int, batch_size: int, observation_size: int, net_arch: tuple[int, ...]
+) -> ThreadChoice:
     """Set and return the learner's number of threads; 0 asks for a measurement.
 
     Small networks gain little from threads, and lose much when another process keeps the cores
@@ -61,7 +63,7 @@ def choose_threads(requested: int, batch_size: int, net_arch: tuple[int, ...]) -
     seconds = {}
     for threads in sorted({1, min(2, available or 1), min(4, available or 1)}):
         torch.set_num_threads(threads)
-        seconds[threads] = _update_seconds(batch_size, net_arch)
+        seconds[threads] = _update_seconds(batch_size, [observation_size, *net_arch, 1])
     best = min(seconds, key=lambda n: seconds[n])
     chosen = best if seconds[1] > CLEAR_GAIN * seconds[best] else 1
     torch.set_num_threads(chosen)
@@ -69,16 +71,15 @@ def choose_threads(requested: int, batch_size: int, net_arch: tuple[int, ...]) -
     return ThreadChoice(chosen, f"measured a minibatch update with {measured}")
 
 
-def _update_seconds(batch_size: int, net_arch: tuple[int, ...], repeats: int = 7) -> float:
+def _update_seconds(batch_size: int, sizes: list[int], repeats: int = 7) -> float:
     """Return the median time of a forward and backward pass like the learner's [s]."""
-    sizes = [48, *net_arch, 1]
     layers: list[torch.nn.Module] = []
     for n_in, n_out in pairwise(sizes):
         layers += [torch.nn.Linear(n_in, n_out), torch.nn.ReLU()]
     network = torch.nn.Sequential(*layers[:-1])
     # The generator is our own: measuring must not move the run's random numbers.
     inputs = torch.from_numpy(
-        np.random.default_rng(0).normal(size=(batch_size, 48)).astype(np.float32)
+        np.random.default_rng(0).normal(size=(batch_size, sizes[0])).astype(np.float32)
     )
     times = []
     for _ in range(repeats + 2):

@@ -252,7 +252,7 @@ def train(
     else:
         folder.create(config, force=force)
     ppo = config.train.ppo
-    threads = choose_threads(config.train.threads, ppo.batch_size, ppo.net_arch)
+    threads = choose_threads(config.train.threads, ppo.batch_size, batch.layout.size, ppo.net_arch)
     budget = Budget(config, started_at + compiled, data["extra"]["seconds"] if data else 0.0)
     supervision = Supervision(config, folder, batch, curriculum, budget, progress)
     model = _learner(config, folder, batch, budget)
