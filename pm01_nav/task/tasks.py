@@ -99,7 +99,8 @@ def _winding(suite: str, **changes: Any) -> TaskConfig:
     On ``u_traps`` 3 M steps reached 31 % of the held-out goals with progress along the straight
     line, 92 % with progress along the way, and 94 % with the trail as well.
     """
-    rewards = safe_rewards()
+    # Twice the price of `static`: being lost costs, too, and must not make risk look cheap.
+    rewards = safe_rewards() | {"collision": RewardTerm(weight=-200.0)}
     rewards["path_progress"] = rewards.pop("progress")
     rewards["revisiting"] = RewardTerm(weight=-0.5)
     observation = ObservationConfig(trail=TrailLayout(), frames=FramesLayout())

@@ -28,10 +28,11 @@ class PPOConfig(FrozenModel):
     learning_rate: Positive = 2e-3
     learning_rate_final: Fraction = 0.03
     """Part of the learning rate that is left at the end of the budget; it falls linearly."""
-    gamma: Fraction = 0.98
+    gamma: Fraction = 0.995
     gae_lambda: Fraction = 0.95
     clip_range: Positive = 0.2
-    ent_coef: NonNegative = 0.0
+    ent_coef: NonNegative = 0.01
+    """Without it the exploration dies out after 5 M steps on ``mixed``, and with it the learning."""
     vf_coef: NonNegative = 0.5
     max_grad_norm: Positive = 0.5
     net_arch: tuple[Count, ...] = (128, 128)
