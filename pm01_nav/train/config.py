@@ -32,7 +32,7 @@ class PPOConfig(FrozenModel):
     gae_lambda: Fraction = 0.95
     clip_range: Positive = 0.2
     ent_coef: NonNegative = 0.01
-    """Without it the exploration dies out on ``mixed`` after 5 M steps, and so does the learning."""
+    """Without it the exploration on ``mixed`` ends after 5 M steps, and the learning with it."""
     vf_coef: NonNegative = 0.5
     max_grad_norm: Positive = 0.5
     net_arch: tuple[Count, ...] = (128, 128)
