@@ -20,7 +20,7 @@ CLEAR_GAIN = 1.25
 """More threads must be at least this much faster in a minibatch update, or one is used.
 
 With the default network two threads on two cores gain 1.5 there and in the whole training, and
-beside busy cores they are as fast as one (``benchmarks/results/learner.json``).
+beside busy cores they lose 5 % against one (``benchmarks/results/learner.json``).
 """
 
 
