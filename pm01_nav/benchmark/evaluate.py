@@ -5,9 +5,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -57,12 +55,16 @@ class EpisodeResults:
 
 @dataclass
 class Recorder:
-    """Sums up a running chunk of episodes; arrays (num_envs,)."""
+    """Sums up episodes that a batch drives; arrays (num_episodes,)."""
 
     dt: float
+    episode: NDArray[np.int64]
+    """Which episode each robot of the batch drives, shape (num_envs,)."""
+    active: NDArray[np.bool_]
     start: FloatArray
     position: FloatArray
-    active: NDArray[np.bool_]
+    speeds: FloatArray
+    """v of the last step and of the one before [m/s], shape (2, num_episodes)."""
     path_length: FloatArray
     min_clearance: FloatArray
     moved_at: NDArray[np.int64]
@@ -70,17 +72,18 @@ class Recorder:
     steps: NDArray[np.int64]
     success: NDArray[np.bool_]
     collision: NDArray[np.bool_]
-    speeds: list[FloatArray] = field(default_factory=list)
 
     @classmethod
     def begin(cls, batch: NavigationBatch) -> Recorder:
-        """Start recording at the present state."""
+        """Start recording at the present state, one episode a robot."""
         state, n = batch.simulator.state, batch.num_envs
         return cls(
             dt=batch.config.control_dt,
+            episode=np.arange(n),
+            active=np.ones(n, dtype=np.bool_),
             start=state.pose[:, :2].copy(),
             position=state.pose[:, :2].copy(),
-            active=np.ones(n, dtype=np.bool_),
+            speeds=np.tile(state.twist[:, 0], (2, 1)),
             path_length=np.zeros(n),
             min_clearance=state.clearance.copy(),
             moved_at=np.full(n, -1),
@@ -88,34 +91,36 @@ class Recorder:
             steps=np.zeros(n, dtype=np.int64),
             success=np.zeros(n, dtype=np.bool_),
             collision=np.zeros(n, dtype=np.bool_),
-            speeds=[state.twist[:, 0].copy()],
         )
+
+    @property
+    def driving(self) -> NDArray[np.int64]:
+        """The robots of the batch whose episodes go on."""
+        return np.flatnonzero(self.active[self.episode])
 
     def record(self, batch: NavigationBatch, command: FloatArray) -> None:
         """Advance the batch by one step and add what happened to the active episodes."""
+        robots = self.driving
         step = batch.advance(command)
-        active = self.active
-        position = step.pose[:, :2].copy()
-        moved = np.linalg.norm(position - self.position, axis=1)
-        self.path_length += np.where(active, moved, 0.0)
-        self.position = position
-        self.min_clearance = np.where(
-            active, np.minimum(self.min_clearance, step.clearance), self.min_clearance
-        )
-        far = np.linalg.norm(position - self.start, axis=1) >= START_RADIUS
-        self.moved_at[active & far & (self.moved_at < 0)] = step.count[0]
-        self._add_jerk(step.twist[:, 0].copy())
-        self.steps[active] = step.count[active]
-        self.success |= active & step.reached
-        self.collision |= active & step.collided
-        self.active = active & ~(step.reached | step.collided | out_of_time(step, batch.config))
+        now, position = self.episode[robots], step.pose[robots, :2]
+        self.path_length[now] += np.linalg.norm(position - self.position[now], axis=1)
+        self.position[now] = position
+        self.min_clearance[now] = np.minimum(self.min_clearance[now], step.clearance[robots])
+        self.steps[now] = step.count[robots]
+        far = np.linalg.norm(position - self.start[now], axis=1) >= START_RADIUS
+        first = now[far & (self.moved_at[now] < 0)]
+        self.moved_at[first] = self.steps[first]
+        self._add_jerk(now, step.twist[robots, 0])
+        self.success[now], self.collision[now] = step.reached[robots], step.collided[robots]
+        over = step.reached | step.collided | out_of_time(step, batch.config)
+        self.active[now] = ~over[robots]
 
-    def _add_jerk(self, speed: FloatArray) -> None:
-        self.speeds = [*self.speeds[-2:], speed]
-        if len(self.speeds) == 3:
-            before, last, now = self.speeds
-            jerk = np.abs(now - 2.0 * last + before) / self.dt**2
-            self.jerk_sum += np.where(self.active, jerk, 0.0)
+    def _add_jerk(self, now: NDArray[np.int64], speed: FloatArray) -> None:
+        last, before = self.speeds[:, now]
+        # The first step knows no acceleration before it.
+        jerk = np.abs(speed - 2.0 * last + before) / self.dt**2
+        self.jerk_sum[now] += np.where(self.steps[now] > 1, jerk, 0.0)
+        self.speeds[:, now] = speed, last
 
     def results(self, world: NDArray[np.int64], shortest: FloatArray) -> EpisodeResults:
         """Return what was recorded."""
@@ -139,22 +144,35 @@ def goal_in_base(batch: NavigationBatch) -> FloatArray:
     return np.stack([distance * np.cos(bearing), distance * np.sin(bearing)], axis=-1)
 
 
-def goal_source(
-    batch: NavigationBatch, pool: WorldPool, look_ahead: float | None
-) -> Callable[[], FloatArray]:
-    """Return what tells every robot's goal in base_link [m], shape (num_envs, 2), at any moment.
+class GoalSource:
+    """What a policy is told to drive to: the goal, or a point of a global plan to it."""
 
-    Without ``look_ahead`` [m] it is the goal itself, else a point so far along a global plan to it
-    from where the robot stands now. Plans see the static world only.
-    """
-    if look_ahead is None:
-        return partial(goal_in_base, batch)
-    state = batch.simulator.state
-    costmaps = {
-        int(w): inflate(pool.free_space(int(w)), pool.radius) for w in np.unique(state.world)
-    }
-    follower = PlanFollower([costmaps[int(w)] for w in state.world], state.goal, look_ahead)
-    return lambda: follower.goals_in_base(batch.simulator.measured_pose)
+    def __init__(self, batch: NavigationBatch, pool: WorldPool, look_ahead: float | None) -> None:
+        """Plan from where the robots stand, if ``look_ahead`` [m] is given.
+
+        Plans see the static world only.
+        """
+        self._batch = batch
+        self._follower: PlanFollower | None = None
+        if look_ahead is not None:
+            state = batch.simulator.state
+            costmaps = {
+                int(w): inflate(pool.free_space(int(w)), pool.radius)
+                for w in np.unique(state.world)
+            }
+            own = [costmaps[int(w)] for w in state.world]
+            self._follower = PlanFollower(own, state.goal, look_ahead)
+
+    def goals(self) -> FloatArray:
+        """Return x forward and y left of each robot's goal now [m], shape (num_envs, 2)."""
+        if self._follower is None:
+            return goal_in_base(self._batch)
+        return self._follower.goals_in_base(self._batch.simulator.measured_pose)
+
+    def keep(self, robots: NDArray[np.int64]) -> None:
+        """Go on with these of the robots only."""
+        if self._follower is not None:
+            self._follower.keep(robots)
 
 
 class Evaluator:
@@ -194,11 +212,11 @@ class Evaluator:
             batch.reset((self.seed << 32) + numbers, numbers % len(self.pool))
             if first not in self._shortest:
                 self._shortest[first] = _shortest_paths(batch, self.pool)
-            goals = goal_source(batch, self.pool, self.look_ahead)
+            world = batch.simulator.state.world
+            source = GoalSource(batch, self.pool, self.look_ahead)
             began = time.perf_counter()
-            recorder = _drive(policy, batch, goals)
+            recorder = _drive(policy, batch, source)
             seconds += time.perf_counter() - began
-            world = batch.simulator.state.world.copy()
             chunks.append(recorder.results(world, self._shortest[first]))
         return _join(chunks), seconds
 
@@ -213,13 +231,21 @@ class Evaluator:
         return summary
 
 
-def _drive(policy: Policy, batch: NavigationBatch, goals: Callable[[], FloatArray]) -> Recorder:
-    """Drive every robot of a fresh batch until its episode ends."""
+def _drive(policy: Policy, batch: NavigationBatch, source: GoalSource) -> Recorder:
+    """Drive every robot of a fresh batch until its episode ends.
+
+    Episodes take a few hundred steps, the longest thousands: whenever half of the robots are done
+    they are left out, else most of the time would go into robots that nobody looks at.
+    """
     policy.reset()
-    simulator = batch.simulator
     recorder = Recorder.begin(batch)
-    while recorder.active.any():
-        command = policy.act(simulator.scan, goals(), simulator.measured_twist)
+    while len(driving := recorder.driving):
+        if 2 * len(driving) <= batch.num_envs:
+            for part in (batch, policy, source):
+                part.keep(driving)
+            recorder.episode = recorder.episode[driving]
+        simulator = batch.simulator
+        command = policy.act(simulator.scan, source.goals(), simulator.measured_twist)
         recorder.record(batch, _checked(command, batch.num_envs))
     return recorder
 

@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pm01_nav.benchmark.evaluate import goal_source
+from pm01_nav.benchmark.evaluate import GoalSource
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.rendering.canvas import Canvas
 from pm01_nav.rendering.scene import Outcome, Scene
@@ -48,14 +48,14 @@ def film(
         world = pool.worlds[int(batch.simulator.state.world[0])]
         canvas = Canvas(world, batch.robot, SIZE)
         caption = f"{label}   {config.name}, seed {seed}, episode {number + 1} of {episodes}"
-        goals = goal_source(batch, pool, look_ahead)
-        yield from _film_episode(policy, batch, goals, canvas, caption)
+        source = GoalSource(batch, pool, look_ahead)
+        yield from _film_episode(policy, batch, source, canvas, caption)
 
 
 def _film_episode(
     policy: Policy,
     batch: NavigationBatch,
-    goals: Callable[[], NDArray[np.float64]],
+    source: GoalSource,
     canvas: Canvas,
     caption: str,
 ) -> Iterator[NDArray[np.uint8]]:
@@ -64,7 +64,7 @@ def _film_episode(
     outcome: Outcome | None = None
     while outcome is None:
         yield _picture(batch, canvas, trail, caption, None)
-        command = policy.act(batch.simulator.scan, goals(), batch.simulator.measured_twist)
+        command = policy.act(batch.simulator.scan, source.goals(), batch.simulator.measured_twist)
         step = batch.advance(np.asarray(command, dtype=np.float64))
         trail.append(state.pose[0, :2].copy())
         outcome = _outcome(step, batch.config)

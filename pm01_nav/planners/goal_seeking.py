@@ -22,6 +22,9 @@ class GoalSeeking:
     def reset(self) -> None:
         """Do nothing: there is no memory."""
 
+    def keep(self, robots: NDArray[np.int64]) -> None:
+        """Do nothing: there is no memory."""
+
     def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> NDArray[np.float64]:
         """Return (v, w) [m/s, rad/s]; see ``Policy.act``."""
         goal = np.asarray(goal, dtype=np.float64)

@@ -57,6 +57,13 @@ class PlanFollower:
         points = np.array([self._point(i, pose[:2]) for i, pose in enumerate(poses)])
         return to_frame(points.reshape(-1, 2), poses)
 
+    def keep(self, robots: NDArray[np.int64]) -> None:
+        """Go on with these of the robots only."""
+        self._costmaps = [self._costmaps[i] for i in robots]
+        self._goals, self._wait = self._goals[robots], self._wait[robots]
+        if self.plans:
+            self.plans = [self.plans[i] for i in robots]
+
     def _plan(self, i: int, position: FloatArray) -> GlobalPlan:
         costmap = self._costmaps[i]
         return GlobalPlan(costmap, plan_path(costmap, position, self._goals[i]))

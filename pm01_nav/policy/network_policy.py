@@ -40,6 +40,15 @@ class NetworkPolicy:
         self._trail = None
         self._frames = None
 
+    def keep(self, robots: NDArray[np.int64]) -> None:
+        """Go on with these rows of a batch (n, ...) only."""
+        if self._previous is not None:
+            self._previous = self._previous[robots]
+        if self._trail is not None:
+            self._trail.keep(robots)
+        if self._frames is not None:
+            self._frames.keep(robots)
+
     def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> NDArray[np.float64]:
         """Return the next command (v, w) [m/s, rad/s]; one robot, or a leading batch dimension.
 

@@ -23,3 +23,7 @@ class Policy(Protocol):
     def reset(self) -> None:
         """Forget the past before a new episode."""
         ...
+
+    def keep(self, robots: NDArray[np.int64]) -> None:
+        """Go on with these of the robots, numbered as in the last ``act``; the rest are done."""
+        ...

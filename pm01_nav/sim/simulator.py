@@ -35,6 +35,7 @@ from pm01_nav.sim.state import (
     lidar_params,
     new_scratch,
     new_state,
+    rows,
 )
 from pm01_nav.sim.threads import ThreadChoice
 from pm01_nav.worlds.pool import WorldPool
@@ -226,6 +227,16 @@ class PlanarSimulator:
             errors = (self.errors, self.drawn, self._ranges)
         run, state = bound(kernel, self.state, *errors, indices, *rest), self.state
         return lambda indices: run(state, *errors, indices, *rest)
+
+    def keep(self, indices: NDArray[np.int64]) -> None:
+        """Go on with some of the environments only, as if there had never been others."""
+        self.num_envs = len(indices)
+        self.state = rows(self.state, indices)
+        self._scratch = rows(self._scratch, indices)
+        if self.errors is not None and self.drawn is not None:
+            self.errors, self.drawn = rows(self.errors, indices), rows(self.drawn, indices)
+        self._threads = ThreadChoice()
+        self._run_step = self._run_reset = None  # They hold the former arrays.
 
     def movers(self, i: int) -> NDArray[np.float64]:
         """Return x, y and radius of the movers of environment i, shape (n, 3) [m]."""

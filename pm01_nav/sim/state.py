@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.random import normal_values
 
 FloatArray = NDArray[np.float64]
+Arrays = TypeVar("Arrays", bound=tuple[NDArray[Any], ...])
 PedestrianModel = Literal["orca", "social_force"]
 ORCA, SOCIAL_FORCE = 0, 1
 PEDESTRIAN_MODELS: dict[PedestrianModel, int] = {"orca": ORCA, "social_force": SOCIAL_FORCE}
@@ -73,6 +74,12 @@ class SimState(NamedTuple):
     """Which random stream belongs to the environment, shape (num_envs,)."""
     rng_count: NDArray[np.uint64]
     """How many numbers have been drawn from it, shape (num_envs,)."""
+
+
+def rows(arrays: Arrays, indices: NDArray[np.int64]) -> Arrays:
+    """Return copies of some rows of every array of a named tuple."""
+    make: Any = type(arrays)
+    return make(*(array[indices] for array in arrays))
 
 
 def padded(num_beams: int) -> int:

@@ -58,6 +58,10 @@ class FrameStack:
         now = int(self._now[0])
         return np.concatenate([self._ring[now - ago, robots] for ago in self._ago], axis=-1)
 
+    def keep(self, robots: NDArray[np.int64]) -> None:
+        """Go on with these of the robots only."""
+        self._ring = self._ring[:, robots]
+
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that make up the memory, not copied."""
         return {"frames": self._ring, "frame_now": self._now}

@@ -207,6 +207,15 @@ class NavigationBatch:
         self._action[indices] = 0.0
         self._term_sums[:, indices] = 0.0
 
+    def keep(self, robots: NDArray[np.int64]) -> None:
+        """Go on with these of the robots only; each goes on where it is."""
+        self.num_envs = len(robots)
+        self.simulator.keep(robots)
+        if self._frames:
+            self._frames.keep(robots)
+        self._count, self._action = self._count[robots], self._action[robots]
+        self._term_sums = np.ascontiguousarray(self._term_sums[:, robots])
+
     def state_dict(self) -> dict[str, NDArray[Any]]:
         """Return copies of every array that makes up the batch's state."""
         return {name: array.copy() for name, array in self._arrays().items()}

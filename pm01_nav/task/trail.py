@@ -54,19 +54,18 @@ class TrailLayout:
 
 
 def visited_sectors(
-    layout: TrailLayout, places: FloatArray, noted: NDArray[np.bool_], pose: FloatArray
+    layout: TrailLayout, places: FloatArray, pose: FloatArray
 ) -> NDArray[np.float32]:
     """Return how much of the trail lies in each sector, 0 to 1, shape (n, sectors).
 
-    ``places`` (n, capacity, 2) [m] of which those ``noted`` (n, capacity) count, ``pose`` (n, 3)
-    [m, m, rad] in the same frame. A place counts min(d / near, 1) (1 - d / reach) at the distance
-    d, shared between the two sectors whose middles are next to its direction; a sector's sum s is
-    shown as s / (1 + s).
+    ``places`` (n, m, 2) [m] and ``pose`` (n, 3) [m, m, rad] are in the same frame. A place counts
+    min(d / near, 1) (1 - d / reach) at the distance d, shared between the two sectors whose middles
+    are next to its direction; a sector's sum s is shown as s / (1 + s).
     """
     offset = places - pose[:, None, :2]
     distance = np.hypot(offset[..., 0], offset[..., 1])
     weight = np.minimum(distance / layout.near, 1.0) * (1.0 - distance / layout.reach)
-    weight = np.where(noted, np.maximum(weight, 0.0), 0.0)
+    weight = np.maximum(weight, 0.0)
     bearing = np.arctan2(offset[..., 1], offset[..., 0]) - pose[:, None, 2]
     place = (bearing / (2.0 * np.pi) + 0.5) * layout.sectors - 0.5
     right = np.floor(place)
@@ -80,17 +79,15 @@ def visited_sectors(
     return (sums / (1.0 + sums)).astype(np.float32)
 
 
-def familiarity(
-    layout: TrailLayout, places: FloatArray, settled: NDArray[np.bool_], pose: FloatArray
-) -> NDArray[np.float32]:
+def familiarity(layout: TrailLayout, settled: FloatArray, pose: FloatArray) -> NDArray[np.float32]:
     """Return how near each robot is to a place that it had left behind, 0 to 1, shape (n,).
 
-    It is 1 - d / near at a distance d to the nearest of the ``places`` (n, capacity, 2) [m] that
-    are ``settled`` (n, capacity).
+    It is 1 - d / near at a distance d to the nearest of the ``settled`` places
+    (n, m, 2) [m], of which there may be none.
     """
-    offset = places - pose[:, None, :2]
-    distance = np.where(settled, np.hypot(offset[..., 0], offset[..., 1]), np.inf)
-    return np.maximum(1.0 - distance.min(axis=1) / layout.near, 0.0).astype(np.float32)
+    offset = settled - pose[:, None, :2]
+    distance = np.hypot(offset[..., 0], offset[..., 1]).min(axis=1, initial=layout.near)
+    return (1.0 - distance / layout.near).astype(np.float32)
 
 
 class Trail:
@@ -106,6 +103,12 @@ class Trail:
         self._steps = 0
         self._noted = 0
 
+    def keep(self, robots: NDArray[np.int64]) -> None:
+        """Go on with these of the robots only."""
+        self._pose, self._places = self._pose[robots], self._places[robots]
+        if self._velocity is not None:
+            self._velocity = self._velocity[robots]
+
     def follow(self, velocity: ArrayLike) -> NDArray[np.float32]:
         """Move on by one control step; return ``visited_sectors`` and ``familiarity``, (n, size).
 
@@ -119,14 +122,12 @@ class Trail:
             self._places[:, self._noted % self.layout.capacity] = self._pose[:, :2]
             self._noted += 1
         self._steps += 1
-        slots, shape = np.arange(self.layout.capacity), self._places.shape[:2]
-        noted = slots < self._noted
+        places = self._places[:, : self._noted]
         # How many places were noted after that of a slot; the slots are a ring.
-        later = (self._noted - 1 - slots) % self.layout.capacity
-        settled = noted & (later >= self.layout.settled_places)
-        memory = self.layout, self._places
-        sectors = visited_sectors(*memory, np.broadcast_to(noted, shape), self._pose)
-        here = familiarity(*memory, np.broadcast_to(settled, shape), self._pose)
+        later = (self._noted - 1 - np.arange(places.shape[1])) % self.layout.capacity
+        settled = places[:, later >= self.layout.settled_places]
+        sectors = visited_sectors(self.layout, places, self._pose)
+        here = familiarity(self.layout, settled, self._pose)
         return np.concatenate([sectors, here[:, None]], axis=1)
 
 

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pm01_nav.benchmark.evaluate import Evaluator
+from pm01_nav.benchmark.evaluate import Evaluator, goal_in_base
 from pm01_nav.envs.spaces import resolve_task
 from pm01_nav.errors import InputError
 from pm01_nav.planners import PLANNERS
 from pm01_nav.robot import full_circle
 from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.worlds import world_pool
 
 FEW_BEAMS = {"robot_changes": {"lidar": full_circle(36)}}
 
@@ -29,6 +31,9 @@ class Constant:
 
     def reset(self) -> None:
         """Forget nothing."""
+
+    def keep(self, robots) -> None:
+        """Answer for fewer robots."""
 
     def act(self, scan, goal, velocity) -> NDArray[np.float64]:
         self.scans.append(np.array(scan))
@@ -154,3 +159,28 @@ def test_shortest_path_ends_at_the_goal_radius() -> None:
     results, _ = Evaluator(task("empty", time_limit_steps=1), 6, 0).run(seen := Constant(0, 0))
     straight = np.linalg.norm(seen.goals[0], axis=1)
     assert results.shortest_path == pytest.approx(straight - 0.3, abs=1e-9)
+
+
+def test_episodes_end_alike_alone_and_beside_others() -> None:
+    # Those that are done are left out of the batch; it must change nothing for the others.
+    config = task("mixed", time_limit_steps=300)
+    planner = PLANNERS["goal_seeking"](config.robot_spec())
+    together, _ = Evaluator(config, 24, 0).run(planner)
+    assert len(set(together.steps.tolist())) > 12
+    pool = world_pool(config, "held_out", 24)
+    for k in range(24):
+        batch = NavigationBatch(config, pool, 1, autoreset=False)
+        batch.reset([k], np.array([k]))
+        state, length, over = batch.simulator.state, 0.0, False
+        start, nearest = state.pose[0, :2].copy(), float(state.clearance[0])
+        while not over:
+            command = planner.act(batch.simulator.scan, goal_in_base(batch), np.zeros((1, 2)))
+            step = batch.advance(command)
+            length += float(np.hypot(*(step.pose[0, :2] - start)))
+            start, nearest = step.pose[0, :2].copy(), min(nearest, float(step.clearance[0]))
+            over = bool(step.reached[0] | step.collided[0]) or int(step.count[0]) == 300
+        assert together.steps[k] == step.count[0]
+        assert together.success[k] == step.reached[0]
+        assert together.collision[k] == step.collided[0]
+        assert together.path_length[k] == pytest.approx(length)
+        assert together.min_clearance[k] == pytest.approx(nearest)

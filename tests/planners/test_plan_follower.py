@@ -110,6 +110,16 @@ def test_goals_of_robots_in_a_batch_are_those_of_each_alone() -> None:
         assert (alone[0] == point).all()
 
 
+def test_kept_robots_keep_their_plans() -> None:
+    poses = np.array([[2.0, 2.0, 0.3], [1.0, 5.0, -1.0], [6.0, 1.0, 2.0]])
+    guide = follower(poses, [(7.0, 2.0), (6.0, 4.0), (1.0, 1.0)])
+    together, plans = guide.goals_in_base(poses), guide.plans
+    some = np.array([2, 0])
+    guide.keep(some)
+    assert (guide.goals_in_base(poses[some]) == together[some]).all()
+    assert [guide.plans[0], guide.plans[1]] == [plans[2], plans[0]]
+
+
 def test_strayed_robot_gets_a_new_plan_but_not_at_every_step() -> None:
     pose = np.array([[2.0, 2.0, 0.0]])
     guide = follower(pose, [(6.5, 2.0)])

@@ -61,12 +61,12 @@ def test_simulator_and_policy_agree(sim: PlanarSimulator) -> None:
     trail, familiar = Trail(LAYOUT, 0.1, 5), 0.0
     trail.follow(sim.state.twist)
     for _ in drive(sim, 60):
-        length = np.minimum(sim.state.trail_length, 6)
-        noted = np.arange(6) < length[:, None]
-        exact = visited_sectors(LAYOUT, sim.state.trail, noted, sim.state.pose)
+        (length,) = set(sim.state.trail_length.tolist())  # None of them begins anew.
+        places = sim.state.trail[:, :length]
+        exact = visited_sectors(LAYOUT, places, sim.state.pose)
         # The last slot written is that of the latest place; before it lie the earlier ones.
-        later = (sim.state.trail_length[:, None] - 1 - np.arange(6)) % 6
-        here = familiarity(LAYOUT, sim.state.trail, noted & (later >= 3), sim.state.pose)
+        later = (length - 1 - np.arange(places.shape[1])) % 6
+        here = familiarity(LAYOUT, places[:, later >= 3], sim.state.pose)
         exact = np.concatenate([exact, here[:, None]], axis=1)
         # The kernel takes directions that may be 1e-4 rad off: a share of 1.3e-4 of each place.
         assert sim.state.visited == pytest.approx(exact, abs=1e-3)

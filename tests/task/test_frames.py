@@ -10,6 +10,7 @@ from pm01_nav.errors import InputError
 from pm01_nav.policy.network_policy import NetworkPolicy
 from pm01_nav.task.frames import FramesLayout, FrameStack
 from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
 
@@ -41,6 +42,35 @@ def test_one_robot_begins_anew() -> None:
         stack.push(nearest)
     stack.begin(np.array([1]), np.array([[5.0]], dtype=np.float32))
     assert stack.show(ALL).tolist() == [[2, 1], [5, 5]]
+
+
+def test_kept_robots_drive_on_as_if_beside_the_others() -> None:
+    # Perturbed robots in worlds with movers, and a policy that remembers scans and places.
+    config = task_config("mixed").model_copy(update={"randomization": RandomizationConfig()})
+    pool = world_pool(config, "train", 6)
+    all_six, kept = (NavigationBatch(config, pool, 6, autoreset=False) for _ in range(2))
+    some = np.array([4, 1, 2])
+    rows, seen = {6: np.arange(6), 3: some}, {6: [], 3: []}
+
+    def remember(shown: np.ndarray) -> np.ndarray:
+        seen[len(shown)].append(shown)
+        return (0.1 * rows[len(shown)][:, None] * [1.0, 1.0]).astype(np.float32)
+
+    policies = [NetworkPolicy(kept.layout, remember, config.control_dt) for _ in range(2)]
+    for batch in (all_six, kept):
+        batch.reset(np.arange(6), np.arange(6))
+    for step in range(30):
+        if step == 14:
+            kept.keep(some)
+            policies[1].keep(some)
+        for batch, policy in zip((all_six, kept), policies, strict=True):
+            sim = batch.simulator
+            batch.advance(policy.act(sim.scan, sim.measured_goal, sim.measured_twist))
+    assert len(seen[3]) == 16
+    for whole, part in zip(seen[6][-16:], seen[3], strict=True):
+        assert np.array_equal(whole[some], part)
+    for name, array in kept.simulator.arrays().items():
+        assert np.array_equal(all_six.simulator.arrays()[name][some], array), name
 
 
 @pytest.mark.parametrize("wrong", [{"count": 0}, {"interval_steps": -1}])

@@ -12,10 +12,9 @@ from pm01_nav.task.trail import Trail, TrailLayout, familiarity, visited_sectors
 FOUR = TrailLayout(sectors=4, interval_steps=2, capacity=3, reach=2.0, near=0.5)
 
 
-def see(places, pose=(0.0, 0.0, 0.0), noted=None):
-    places = np.array([places], dtype=float)
-    noted = np.ones(places.shape[:2], dtype=bool) if noted is None else np.array([noted])
-    return visited_sectors(FOUR, places, noted, np.array([pose]))[0]
+def see(places, pose=(0.0, 0.0, 0.0)):
+    places = np.array(places, dtype=float).reshape(1, -1, 2)
+    return visited_sectors(FOUR, places, np.array([pose]))[0]
 
 
 def test_a_place_in_the_middle_of_a_sector() -> None:
@@ -37,13 +36,13 @@ def test_the_robot_turns_beneath_its_trail() -> None:
     assert see([(1.0, 0.0)], pose=(0.0, 0.0, np.pi / 2)) == pytest.approx([0.2, 0.2, 0, 0])
 
 
-def test_far_near_and_unnoted_places() -> None:
+def test_far_near_and_no_places() -> None:
     half = np.sqrt(0.5)
     assert see([(3.0, 3.0)]) == pytest.approx([0, 0, 0, 0])
     # At 0.25 m: 0.25 / 0.5 x (1 - 0.125) = 0.4375.
     assert see([(0.25 * half, 0.25 * half)])[2] == pytest.approx(0.4375 / 1.4375)
     assert see([(0.0, 0.0)]) == pytest.approx([0, 0, 0, 0])
-    assert see([(half, half)], noted=[False]) == pytest.approx([0, 0, 0, 0])
+    assert see([]) == pytest.approx([0, 0, 0, 0])
 
 
 def test_sums_saturate() -> None:
@@ -78,8 +77,8 @@ def test_a_place_is_familiar_near_one_that_was_left() -> None:
     places, pose = np.array([[(0.3, 0.4), (1.0, 0.0)]]), np.zeros((1, 3))
     layout = TrailLayout(near=2.0)
     # 1 - 0.5 / 2 by the first one, 1 - 1 / 2 by the second.
-    for settled, expected in (((True, True), 0.75), ((False, True), 0.5), ((False, False), 0.0)):
-        assert familiarity(layout, places, np.array([settled]), pose) == pytest.approx([expected])
+    for left, expected in ((places, 0.75), (places[:, 1:], 0.5), (places[:, 2:], 0.0)):
+        assert familiarity(layout, left, pose) == pytest.approx([expected])
 
 
 def test_one_that_goes_there_and_back_comes_to_familiar_places() -> None:
