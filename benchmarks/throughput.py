@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,13 @@ import numpy as np
 from report import rate, write_report
 
 from pm01_nav.robot import full_circle
+from pm01_nav.sim.warm_up import warm_up
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.worlds.pool import WorldPool, generate_pool
+from pm01_nav.worlds.suites import SUITES
 from pm01_nav.worlds.world import World
 
 PEERS = Path(__file__).parent / "peers"
@@ -56,6 +59,21 @@ def measure(task: TaskConfig, pool: WorldPool, num_envs: int, seconds: float) ->
     return rate(run, num_envs * len(actions), seconds, repeats=7)
 
 
+def measure_mixed(num_envs: int, seconds: float) -> dict[str, Any]:
+    """Measure the task ``mixed`` with 72 sectors from 360 beams, and making 1024 of its worlds."""
+    task = task_config("mixed")
+    layout = task.observation.model_copy(update={"sectors": 72})
+    task = task.model_copy(update={"observation": layout})
+    warm_up()
+    began = time.perf_counter()
+    # Seeds that are never trained on, so that no cache can hold their worlds.
+    radius = task.robot_spec().footprint.circumscribed_radius + task.margin
+    pool = generate_pool(SUITES["mixed"], range(1 << 40, (1 << 40) + 1024), radius)
+    pool.arrays_for(task.robot_spec().lidar.range_max)
+    built = time.perf_counter() - began
+    return measure(task, pool, num_envs, seconds) | {"pool_of_1024_worlds_s": round(built, 2)}
+
+
 def measure_peer(python: str, script: str, *arguments: str) -> dict[str, Any]:
     """Run a peer's script in its own environment; return what it printed last."""
     command = [python, str(PEERS / script), *arguments]
@@ -78,6 +96,7 @@ def main() -> None:
     for beams in (20, 360):
         task = with_beams(beams)
         results[f"{beams}_beams_12_discs"] = measure(task, pool, options.num_envs, options.seconds)
+    results["mixed_72_sectors"] = measure_mixed(options.num_envs, options.seconds)
     if options.barn:
         barn = task_config("barn").model_copy(update={"worlds": options.barn})
         barn_pool = world_pool(barn, "held_out", 250)

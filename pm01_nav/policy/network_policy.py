@@ -15,6 +15,7 @@ from pm01_nav.task.observation import (
     build_observation,
     discard_invalid,
     pool_sectors,
+    show_ranges,
 )
 from pm01_nav.task.trail import Trail
 
@@ -70,26 +71,27 @@ class NetworkPolicy:
             self.reset()
             self._previous = np.zeros_like(goal)
         ranges = discard_invalid(ranges, self.layout.scan)
-        nearest = self._with_earlier(pool_sectors(ranges, self.layout.sectors))
+        scan = np.asarray(show_ranges(self.layout, pool_sectors(ranges, self.layout.sectors)))
+        scans, visited = self._with_earlier(scan), self._visited(velocity)
         observation = build_observation(
-            self.layout, nearest, polar, velocity, self._previous, self._visited(velocity)
+            self.layout, scans, polar, velocity, self._previous, visited
         )
         batch = observation.reshape(-1, self.layout.size)
         command = self._network(batch).astype(np.float64).reshape(goal.shape)
         self._previous = self.layout.limits.to_action(command)
         return command
 
-    def _with_earlier(self, nearest: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the nearest ranges of this and of earlier scans, if the layout shows those."""
+    def _with_earlier(self, scan: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Return this scan and the earlier ones, newest first, if the layout shows those."""
         layout = self.layout.frames
         if layout is None:
-            return nearest
-        rows = nearest.reshape(-1, nearest.shape[-1])
+            return [scan]
+        rows = scan.reshape(-1, scan.shape[-1])
         if self._frames is None:
             self._frames = FrameStack(layout, *rows.shape)
             self._frames.begin(slice(None), rows)
         self._frames.push(rows)
-        return self._frames.show(slice(None)).reshape(*nearest.shape[:-1], -1)
+        return [frame.reshape(scan.shape) for frame in self._frames.show(slice(None))]
 
     def _visited(self, velocity: NDArray[np.float64]) -> NDArray[np.float32] | None:
         """Follow the trail by one step, if the layout has one; shape (..., trail size)."""

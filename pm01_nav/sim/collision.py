@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from pm01_nav.compilation import compiled
+from pm01_nav.sim.views import listed, view_cell
 
 GRID_EXACT_DISTANCE = 0.5
 """Up to this clearance [m] the distance to a grid is exact, beyond it to a cell's diagonal."""
@@ -82,45 +83,59 @@ def clearance(x, y, cos, sin, base, worlds, w):
 
     ``cos``, ``sin`` are the pose's heading. Zero or negative in contact; 1e9 where nothing stands.
     """
-    if base.vertices.shape[0] == 0:
-        best = circle_clearance(x, y, base.radius, worlds, w)
-    else:
-        best = polygon_clearance(x, y, cos, sin, base, worlds, w)
+    best = clearance_in_view(x, y, cos, sin, base, worlds, view_cell(x, y, 0.0, worlds, w))
+    # The nearest thing can be seen, since nothing stands before it. Only what is near is listed.
+    if best > worlds.view_range - base.radius:
+        best = clearance_in_view(x, y, cos, sin, base, worlds, worlds.view_begin[w])
     if worlds.grid_begin[w + 1] > worlds.grid_begin[w]:
         best = min(best, grid_clearance(x, y, cos, sin, base, worlds, w))
     return best - base.padding
 
 
+@compiled(inline=False)
+def clearance_in_view(x, y, cos, sin, base, worlds, cell):
+    """Return the distance to the nearest disc or segment that a cell lists [m]."""
+    if base.vertices.shape[0] == 0:
+        return circle_clearance(x, y, base.radius, worlds, cell)
+    return polygon_clearance(x, y, cos, sin, base, worlds, cell)
+
+
 @compiled
-def circle_clearance(x, y, radius, worlds, w):
-    """Return the distance from a circle around (x, y) to the nearest disc or segment [m].
+def circle_clearance(x, y, radius, worlds, cell):
+    """Return the distance from a circle around (x, y) to the nearest that a cell lists [m].
 
     Without branches: passing over far obstacles would cost more than it saves.
     """
     best = 1e9
-    for k in range(np.uint64(worlds.disc_begin[w]), np.uint64(worlds.disc_begin[w + 1])):
+    first, last = listed(worlds.seen_disc_begin, cell)
+    for n in range(first, last):
+        k = np.uint64(worlds.seen_discs[n])
         dx, dy = worlds.discs[k, 0] - x, worlds.discs[k, 1] - y
         best = min(best, np.sqrt(dx * dx + dy * dy) - worlds.discs[k, 2] - radius)
-    for k in range(np.uint64(worlds.segment_begin[w]), np.uint64(worlds.segment_begin[w + 1])):
-        x1, y1, x2, y2 = segment(worlds, k)
+    first, last = listed(worlds.seen_segment_begin, cell)
+    for n in range(first, last):
+        x1, y1, x2, y2 = segment(worlds, np.uint64(worlds.seen_segments[n]))
         best = min(best, point_to_segment(x, y, x1, y1, x2, y2) - radius)
     return best
 
 
 @compiled(inline=False)
-def polygon_clearance(x, y, cos, sin, base, worlds, w):
-    """Return the distance from a polygonal footprint to the nearest disc or segment [m].
+def polygon_clearance(x, y, cos, sin, base, worlds, cell):
+    """Return the distance from a polygonal footprint to the nearest that a cell lists [m].
 
     Obstacles whose bounding distance exceeds the best found so far are passed over.
     """
     best = 1e9
-    for k in range(np.uint64(worlds.disc_begin[w]), np.uint64(worlds.disc_begin[w + 1])):
+    first, last = listed(worlds.seen_disc_begin, cell)
+    for n in range(first, last):
+        k = np.uint64(worlds.seen_discs[n])
         dx, dy, r = worlds.discs[k, 0] - x, worlds.discs[k, 1] - y, worlds.discs[k, 2]
         if np.sqrt(dx * dx + dy * dy) - r - base.radius < best:
             distance = point_to_polygon(cos * dx + sin * dy, cos * dy - sin * dx, base)
             best = min(best, distance - r)
-    for k in range(np.uint64(worlds.segment_begin[w]), np.uint64(worlds.segment_begin[w + 1])):
-        x1, y1, x2, y2 = segment(worlds, k)
+    first, last = listed(worlds.seen_segment_begin, cell)
+    for n in range(first, last):
+        x1, y1, x2, y2 = segment(worlds, np.uint64(worlds.seen_segments[n]))
         if point_to_segment(x, y, x1, y1, x2, y2) - base.radius < best:
             x1, y1 = to_base(x1 - x, y1 - y, cos, sin)
             x2, y2 = to_base(x2 - x, y2 - y, cos, sin)

@@ -14,6 +14,7 @@ from pm01_nav.compilation import compiled
 from pm01_nav.sim.collision import segment, to_base
 from pm01_nav.sim.random import bits
 from pm01_nav.sim.state import BLOCK
+from pm01_nav.sim.views import listed, view_cell
 
 FEW_BEAMS = 48
 """Up to this many beams all are tested; finding those that matter would cost more."""
@@ -37,14 +38,18 @@ def cast_scan(x, y, cos, sin, lidar, worlds, w, ranges, i):
     )
     for k in range(ranges.shape[1]):
         ranges[i, k] = np.inf
-    for k in range(np.uint64(worlds.disc_begin[w]), np.uint64(worlds.disc_begin[w + 1])):
+    cell = view_cell(x, y, lidar.range_max, worlds, w)
+    first, last = listed(worlds.seen_disc_begin, cell)
+    for n in range(first, last):
+        k = np.uint64(worlds.seen_discs[n])
         dx, dy, r = worlds.discs[k, 0] - x, worlds.discs[k, 1] - y, worlds.discs[k, 2]
         reach = lidar.range_max + r
         if dx * dx + dy * dy <= reach * reach:
             dx, dy = to_base(dx, dy, cos, sin)
             cast_disc(dx, dy, r, lidar, ranges, i)
-    for k in range(np.uint64(worlds.segment_begin[w]), np.uint64(worlds.segment_begin[w + 1])):
-        x1, y1, x2, y2 = segment(worlds, k)
+    first, last = listed(worlds.seen_segment_begin, cell)
+    for n in range(first, last):
+        x1, y1, x2, y2 = segment(worlds, np.uint64(worlds.seen_segments[n]))
         x1, y1 = to_base(x1 - x, y1 - y, cos, sin)
         x2, y2 = to_base(x2 - x, y2 - y, cos, sin)
         cast_segment(x1, y1, x2, y2, lidar, ranges, i)

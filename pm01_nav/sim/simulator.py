@@ -74,7 +74,8 @@ class PlanarSimulator:
         self.pool = pool
         self.num_envs = num_envs
         self.control_dt = control_dt
-        arrays, beams, trail = pool.arrays, robot.lidar.num_beams, features.trail
+        arrays = pool.arrays_for(robot.lidar.range_max)
+        beams, trail = robot.lidar.num_beams, features.trail
         sizes = Sizes(
             beams=beams,
             sectors=features.sectors or beams,
@@ -91,7 +92,7 @@ class PlanarSimulator:
         self._threads = ThreadChoice()
         model = PEDESTRIAN_MODELS[pedestrians]
         self._crowd = CrowdParams(model, pedestrians_avoid_robot, control_dt)
-        self._scene = (base_params(robot), lidar_params(robot), pool.arrays)
+        self._scene = (base_params(robot), lidar_params(robot), arrays)
         self._time = self._time_step(1.0)
         self.errors: ErrorState | None = None
         """What perturbed robots have beside ``state``; None if all are as described."""

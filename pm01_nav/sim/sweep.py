@@ -26,6 +26,8 @@ from pm01_nav.sim.lidar import (
 )
 from pm01_nav.sim.lidar_errors import SEGMENT_NUMBERS, absorb, is_dark, patch_number
 from pm01_nav.sim.perturbation import SLICES
+from pm01_nav.sim.views import listed, view_cell
+from pm01_nav.worlds.views import MARGIN
 
 INSIDE = 1e-6
 """So far behind its first point a cell that was hit is looked up [m]."""
@@ -56,12 +58,17 @@ def sweep_scan(state, errors, drawn, i, x, y, yaw, lidar, worlds):
     sweep = place_slices(state, errors, drawn, i, x, y, yaw, lidar)
     for k in range(ranges.shape[1]):
         ranges[i, k], dark_ranges[i, k] = np.inf, np.inf
-    for k in range(np.uint64(worlds.disc_begin[w]), np.uint64(worlds.disc_begin[w + 1])):
+    cell = sweep_cell(sweep, i, lidar, worlds, w)
+    first, last = listed(worlds.seen_disc_begin, cell)
+    for n in range(first, last):
+        k = np.uint64(worlds.seen_discs[n])
         target = dark_ranges if is_dark(errors, drawn, i, k) else ranges
         sweep_disc(
             worlds.discs[k, 0], worlds.discs[k, 1], worlds.discs[k, 2], sweep, lidar, target, i
         )
-    for k in range(np.uint64(worlds.segment_begin[w]), np.uint64(worlds.segment_begin[w + 1])):
+    first, last = listed(worlds.seen_segment_begin, cell)
+    for n in range(first, last):
+        k = np.uint64(worlds.seen_segments[n])
         target = (
             dark_ranges if is_dark(errors, drawn, i, np.uint64(SEGMENT_NUMBERS) + k) else ranges
         )
@@ -74,6 +81,14 @@ def sweep_scan(state, errors, drawn, i, x, y, yaw, lidar, worlds):
         sweep_grid(errors, drawn, i, sweep, lidar, worlds, w, ranges)
     if drawn.dark_share[i] > 0.0:
         absorb(errors, drawn, ranges, i)
+
+
+@compiled
+def sweep_cell(sweep, i, lidar, worlds, w):
+    """Return the cell that lists all that is seen from the places of a sweep."""
+    x, y = sweep.poses[i, sweep.middle, 0], sweep.poses[i, sweep.middle, 1]
+    reach = lidar.range_max if sweep.travel <= MARGIN else np.inf
+    return view_cell(x, y, reach, worlds, w)
 
 
 @compiled

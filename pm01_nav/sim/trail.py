@@ -42,18 +42,24 @@ def look_back(state, i, trail, x, y, cos, sin):
     for s in range(sectors):
         state.visited[i, s] = 0.0
     nearest = trail.near
+    latest = (state.trail_length[i] - 1) % capacity
     for k in range(min(state.trail_length[i], capacity)):
         dx, dy = to_base(state.trail[i, k, 0] - x, state.trail[i, k, 1] - y, cos, sin)
+        if dx * dx + dy * dy >= trail.reach * trail.reach:
+            continue
         distance = np.sqrt(dx * dx + dy * dy)
-        if (state.trail_length[i] - 1 - k) % capacity >= trail.settled_places:
+        later = latest - k if k <= latest else latest - k + capacity
+        if later >= trail.settled_places:
             nearest = min(nearest, distance)
-        if distance < trail.reach:
-            weight = min(distance / trail.near, 1.0) * (1.0 - distance / trail.reach)
-            place = (direction(dx, dy) / (2.0 * np.pi) + 0.5) * sectors - 0.5
-            right = int(np.floor(place))
-            share = place - right
-            state.visited[i, right % sectors] += np.float32(weight * (1.0 - share))
-            state.visited[i, (right + 1) % sectors] += np.float32(weight * share)
+        weight = min(distance / trail.near, 1.0) * (1.0 - distance / trail.reach)
+        place = (direction(dx, dy) / (2.0 * np.pi) + 0.5) * sectors - 0.5
+        right = np.floor(place)
+        share = place - right
+        left = int(right) + 1  # 0 to ``sectors``, which is 0 again; remainders take long
+        state.visited[i, left - 1 if left > 0 else sectors - 1] += np.float32(
+            weight * (1.0 - share)
+        )
+        state.visited[i, left if left < sectors else 0] += np.float32(weight * share)
     for s in range(sectors):
         state.visited[i, s] /= np.float32(1.0) + state.visited[i, s]
     state.visited[i, sectors] = np.float32(1.0 - nearest / trail.near)

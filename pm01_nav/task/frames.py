@@ -36,7 +36,7 @@ class FramesLayout:
 
 
 class FrameStack:
-    """The last scans of n robots, each given by its nearest range in each sector."""
+    """The last scans of n robots, each as observations show it (``show_ranges``)."""
 
     def __init__(self, layout: FramesLayout, num_robots: int, sectors: int) -> None:
         """Make room; ``begin`` fills it."""
@@ -44,19 +44,19 @@ class FrameStack:
         self._ring = np.zeros((self._ago[-1] + 1, num_robots, sectors), dtype=np.float32)
         self._now = np.zeros(1, dtype=np.int64)
 
-    def begin(self, robots: NDArray[np.int64] | slice, nearest: NDArray[np.float32]) -> None:
-        """Let some robots have seen nothing but ``nearest`` (n, sectors) [m]."""
-        self._ring[:, robots] = nearest
+    def begin(self, robots: NDArray[np.int64] | slice, scan: NDArray[np.float32]) -> None:
+        """Let some robots have seen nothing but ``scan`` (n, sectors)."""
+        self._ring[:, robots] = scan
 
-    def push(self, nearest: NDArray[np.float32]) -> None:
-        """Go on by one control step, in which all robots saw ``nearest`` (num_robots, sectors)."""
+    def push(self, scan: NDArray[np.float32]) -> None:
+        """Go on by one control step, in which the robots saw ``scan`` (num_robots, sectors)."""
         self._now[0] = (self._now[0] + 1) % len(self._ring)
-        self._ring[self._now[0]] = nearest
+        self._ring[self._now[0]] = scan
 
-    def show(self, robots: NDArray[np.int64] | slice) -> NDArray[np.float32]:
-        """Return the present frame and the earlier ones, newest first, (n, frames x sectors)."""
+    def show(self, robots: NDArray[np.int64] | slice) -> list[NDArray[np.float32]]:
+        """Return the present scan and the earlier ones, newest first, each (n, sectors)."""
         now = int(self._now[0])
-        return np.concatenate([self._ring[now - ago, robots] for ago in self._ago], axis=-1)
+        return [self._ring[now - ago, robots] for ago in self._ago]
 
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Go on with these of the robots only."""

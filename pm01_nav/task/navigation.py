@@ -14,7 +14,7 @@ from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.frames import FrameStack
-from pm01_nav.task.observation import ObservationLayout, build_observation
+from pm01_nav.task.observation import ObservationLayout, build_observation, show_ranges
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.step import Step
 from pm01_nav.task.terminations import judge, out_of_time
@@ -117,7 +117,7 @@ class NavigationBatch:
         sim = self.simulator
         return build_observation(
             self.layout,
-            self._frames.show(indices) if self._frames else sim.state.nearest[indices],
+            self._frames.show(indices) if self._frames else [self._scan(indices)],
             sim.measured_goal[indices],
             sim.measured_twist[indices],
             self._action[indices],
@@ -125,13 +125,18 @@ class NavigationBatch:
             normalized=self.layout.normalize,
         )
 
+    def _scan(self, indices: NDArray[np.int64] | slice = ALL) -> NDArray[np.float32]:
+        """Return the present scans as observations show them, shape (n, sectors)."""
+        nearest = self.simulator.state.nearest[indices]
+        return show_ranges(self.layout, nearest, normalized=self.layout.normalize)
+
     def advance(self, command: NDArray[np.float64]) -> Step:
         """Apply commands (num_envs, 2) [m/s, rad/s] and judge the outcome; nothing is reset."""
         state = self.simulator.state
         before, path_before = state.goal_polar[:, 0].copy(), state.path_distance.copy()
         self.simulator.step(command)
         if self._frames:
-            self._frames.push(state.nearest)
+            self._frames.push(self._scan())
         self._count += 1
         step = Step(
             xp=np,
@@ -202,7 +207,7 @@ class NavigationBatch:
     def _begin(self, indices: NDArray[np.int64], worlds: NDArray[np.int64] | None) -> None:
         self.simulator.reset(indices, worlds)
         if self._frames:
-            self._frames.begin(indices, self.simulator.state.nearest[indices])
+            self._frames.begin(indices, self._scan(indices))
         self._count[indices] = 0
         self._action[indices] = 0.0
         self._term_sums[:, indices] = 0.0

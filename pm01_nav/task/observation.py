@@ -8,6 +8,7 @@ needs numpy alone. Functions work on any array of the array API standard, shaped
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -192,9 +193,27 @@ def pool_sectors(ranges: Any, sectors: int) -> Any:
     return xp.min(grouped, axis=-1)
 
 
+def show_ranges(layout: ObservationLayout, nearest: Any, *, normalized: bool = False) -> Any:
+    """Return ranges as observations show them, float32, in physical units or ``normalized``.
+
+    ``nearest`` (..., sectors or num_beams) is the nearest range of each sector, by REP-117 with
+    nothing invalid in it [m]. No return shows as range_max, and too close as range_min.
+    """
+    xp = nearest.__array_namespace__()
+    shown = _clip(xp, nearest, layout.scan.range_min, layout.scan.range_max)
+    if layout.nearness_distance > 0.0:
+        # (d - r) / (d + r), in fewer passes.
+        shown += layout.nearness_distance
+        shown = (2.0 * layout.nearness_distance) / shown
+        shown -= 1.0
+    elif normalized:
+        shown /= layout.scan.range_max
+    return shown
+
+
 def build_observation(
     layout: ObservationLayout,
-    nearest: Any,
+    scans: Sequence[Any],
     goal: Any,
     velocity: Any,
     previous_action: Any,
@@ -204,22 +223,13 @@ def build_observation(
 ) -> Any:
     """Build observations, shape (..., layout.size), float32, in physical units or ``normalized``.
 
-    ``nearest`` (..., sectors or num_beams) is the nearest range of each sector, by REP-117 with
-    nothing invalid in it [m], followed by those of earlier scans if the layout has frames,
-    ``goal`` (..., 2) distance and bearing [m, rad], ``velocity`` (..., 2) v and w [m/s, rad/s],
-    ``previous_action`` (..., 2) in [-1, 1], ``visited`` (..., trail.size) 0 to 1 if the layout
-    has a trail. No return shows as range_max, and too close as range_min.
+    ``scans`` are the present scan and, if the layout has frames, the earlier ones, newest first,
+    each as ``show_ranges`` returns it, ``goal`` (..., 2) distance and bearing [m, rad],
+    ``velocity`` (..., 2) v and w [m/s, rad/s], ``previous_action`` (..., 2) in [-1, 1],
+    ``visited`` (..., trail.size) 0 to 1 if the layout has a trail.
     """
-    xp = nearest.__array_namespace__()
+    xp = goal.__array_namespace__()
     scale = layout.scale if normalized else [1.0] * layout.size
-    ranges = _clip(xp, nearest, layout.scan.range_min, layout.scan.range_max)
-    if layout.nearness_distance > 0.0:
-        # (d - r) / (d + r), in fewer passes.
-        ranges += layout.nearness_distance
-        ranges = (2.0 * layout.nearness_distance) / ranges
-        ranges -= 1.0
-    elif normalized:
-        ranges /= layout.scan.range_max
     limits, bearing = layout.limits, goal[..., 1]
     # Column by column: numpy is slow on rows of one or two numbers.
     columns = [xp.minimum(goal[..., 0], layout.goal_distance_max)]
@@ -228,9 +238,11 @@ def build_observation(
     columns.append(_clip(xp, velocity[..., 1], -limits.angular_max, limits.angular_max))
     if layout.previous_action:
         columns += [previous_action[..., 0], previous_action[..., 1]]
-    observation = xp.empty((*nearest.shape[:-1], layout.size), dtype=xp.float32)
-    begin = ranges.shape[-1]
-    observation[..., :begin] = ranges
+    observation = xp.empty((*goal.shape[:-1], layout.size), dtype=xp.float32)
+    begin = 0
+    for scan in scans:
+        observation[..., begin : begin + scan.shape[-1]] = scan
+        begin += scan.shape[-1]
     for k, column in enumerate(columns, start=begin):
         observation[..., k] = column if scale[k] == 1.0 else column / scale[k]
     if layout.trail is not None:

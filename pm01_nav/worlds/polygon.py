@@ -14,13 +14,17 @@ LEAST_AREA = 1e-12
 """An area below this part of the square of the polygon's extent is rounding, not area."""
 
 
-def has_area(vertices: FloatArray) -> bool:
-    """Tell whether a polygon (n, 2) encloses more area than rounding could."""
+def signed_area(vertices: FloatArray) -> float:
+    """Return the area of a simple polygon (n, 2) [m^2], positive if it runs counter-clockwise."""
     # Relative to one of its corners, so that a polygon far from the origin loses no digits.
     x, y = (vertices - vertices[0]).T
-    area = 0.5 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
+    return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+
+
+def has_area(vertices: FloatArray) -> bool:
+    """Tell whether a polygon (n, 2) encloses more area than rounding could."""
     extent = float(np.ptp(vertices, axis=0).max())
-    return area > LEAST_AREA * extent * extent
+    return abs(signed_area(vertices)) > LEAST_AREA * extent * extent
 
 
 def is_simple(vertices: FloatArray) -> bool:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.free_space import FreeSpace, distance_to_occupied, free_space
 from pm01_nav.worlds.mover_arrays import pack_movers
+from pm01_nav.worlds.views import Views, list_views
 from pm01_nav.worlds.world import OccupancyGrid, World
 
 FloatArray = NDArray[np.float64]
@@ -75,6 +76,14 @@ class WorldArrays(NamedTuple):
     mover_place_begin: IntArray
     bounds: FloatArray
     mover_random_phase: bool
+    # The fields of ``Views``.
+    view_range: float
+    view_frame: FloatArray
+    view_begin: IntArray
+    seen_segments: NDArray[np.int32]
+    seen_segment_begin: IntArray
+    seen_discs: NDArray[np.int32]
+    seen_disc_begin: IntArray
 
 
 class Places(NamedTuple):
@@ -96,10 +105,20 @@ class WorldPool:
     arrays: WorldArrays
     radius: float
     """Starts, goals and the way between them are free for a disc of this radius [m]."""
+    _seen: dict[float, Views] = field(default_factory=dict, repr=False, compare=False)
 
     def __len__(self) -> int:
         """Return the number of worlds."""
         return len(self.worlds)
+
+    def arrays_for(self, view_range: float) -> WorldArrays:
+        """Return ``arrays`` with lists of what a lidar sees up to ``view_range`` [m].
+
+        All but the lists are shared.
+        """
+        if view_range not in self._seen:
+            self._seen[view_range] = list_views(self.worlds, view_range)
+        return self.arrays._replace(**self._seen[view_range]._asdict())
 
     def free_space(self, index: int) -> FreeSpace:
         """Return the raster of one world on which its places were chosen."""
@@ -300,6 +319,7 @@ def _pack(worlds: Sequence[World], places: Sequence[Places], random_phase: bool)
         jitter=np.array([p.jitter for p in places]),
         cumulative_weight=np.arange(1, len(worlds) + 1) / len(worlds),
         **pack_movers(worlds, random_phase=random_phase)._asdict(),
+        **list_views(worlds, 0.0)._asdict(),
     )
 
 

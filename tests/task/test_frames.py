@@ -29,11 +29,11 @@ def test_earlier_scans_are_shown_newest_first() -> None:
     shown = []
     for nearest in others:
         stack.push(nearest)
-        shown.append(stack.show(ALL)[0].tolist())
+        shown.append([float(scan[0, 0]) for scan in stack.show(ALL)])
     # Before the first scan the robot has seen nothing else.
     assert shown[:3] == [[1, 0, 0], [2, 0, 0], [3, 1, 0]]
     assert shown[-1] == [7, 5, 3]
-    assert stack.show(np.array([1])).tolist() == [[70, 50, 30]]
+    assert [scan.tolist() for scan in stack.show(np.array([1]))] == [[[70]], [[50]], [[30]]]
 
 
 def test_one_robot_begins_anew() -> None:
@@ -41,7 +41,7 @@ def test_one_robot_begins_anew() -> None:
     for nearest in scans(1, 2):
         stack.push(nearest)
     stack.begin(np.array([1]), np.array([[5.0]], dtype=np.float32))
-    assert stack.show(ALL).tolist() == [[2, 1], [5, 5]]
+    assert [scan[:, 0].tolist() for scan in stack.show(ALL)] == [[2, 5], [1, 5]]
 
 
 def test_kept_robots_drive_on_as_if_beside_the_others() -> None:

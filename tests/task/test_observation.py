@@ -24,6 +24,7 @@ from pm01_nav.task.observation import (
     build_observation,
     discard_invalid,
     pool_sectors,
+    show_ranges,
 )
 from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.task.tasks import TASKS, task_config
@@ -45,8 +46,8 @@ EXACT = {"abs": 1e-6}
 
 def build(layout: ObservationLayout, scan=SCAN, goal=(2.0, 0.5), velocity=(0.1, -0.4)):
     goal, velocity = np.array(goal), np.array(velocity)
-    nearest = pool_sectors(scan, layout.sectors)
-    return build_observation(layout, nearest, goal, velocity, np.array([0.25, -1.0]))
+    shown = show_ranges(layout, pool_sectors(scan, layout.sectors))
+    return build_observation(layout, [shown], goal, velocity, np.array([0.25, -1.0]))
 
 
 def test_plain_layout() -> None:
@@ -98,13 +99,13 @@ def test_range_shown_may_be_shorter_than_the_lidars() -> None:
 
 def test_leading_dimensions() -> None:
     scans = np.stack([SCAN, SCAN[::-1], SCAN + 1, SCAN * 0.5, SCAN, SCAN]).reshape(2, 3, 6)
-    scans = pool_sectors(scans, RICH.sectors)
+    scans = show_ranges(RICH, pool_sectors(scans, RICH.sectors))
     goals = np.random.default_rng(0).uniform(0.0, 3.0, (2, 3, 2))
     rest = np.zeros((2, 3, 2))
-    together = build_observation(RICH, scans, goals, rest, rest)
+    together = build_observation(RICH, [scans], goals, rest, rest)
     assert together.shape == (2, 3, 10)
     for index in np.ndindex(2, 3):
-        alone = build_observation(RICH, scans[index], goals[index], rest[index], rest[index])
+        alone = build_observation(RICH, [scans[index]], goals[index], rest[index], rest[index])
         assert (together[index] == alone).all()
 
 
@@ -213,10 +214,10 @@ def test_bounds_hold_and_are_reached(layout: ObservationLayout) -> None:
     rng = np.random.default_rng(0)
     n = 500
     scan = rng.choice([-INF, 0.1, 0.3, 3.5, INF], (n, 6)).astype(np.float32)
-    scan = pool_sectors(scan, layout.sectors)
+    scan = show_ranges(layout, pool_sectors(scan, layout.sectors))
     goal = np.column_stack([rng.choice([0.0, 10.0, 99.0], n), rng.choice([-np.pi, 0, np.pi], n)])
     velocity = np.column_stack([rng.choice([-9.0, 9.0], n), rng.choice([-9.0, 9.0], n)])
-    observation = build_observation(layout, scan, goal, velocity, rng.choice([-1.0, 1.0], (n, 2)))
+    observation = build_observation(layout, [scan], goal, velocity, rng.choice([-1.0, 1.0], (n, 2)))
     if layout.normalize:
         observation = observation / np.array(layout.scale, dtype=np.float32)
     low, high = (np.array(bound, dtype=np.float32) for bound in layout.bounds)
