@@ -23,18 +23,21 @@ def cache_folder() -> Path:
     return Path(os.environ.get("PM01_CACHE") or Path(base) / "pm01_nav")
 
 
+KERNEL_SOURCES = ("compilation.py", "sim/*.py", "worlds/**/*.py")
+"""Files whose functions the simulator's kernels may call."""
+PLANNER_SOURCES = (*KERNEL_SOURCES, "planners/*.py")
+
+
 @cache
-def _kernel_cache() -> str:
-    """Return a folder whose name changes whenever any compiled source changes.
+def _kernel_cache(sources: tuple[str, ...]) -> str:
+    """Return a folder whose name changes whenever one of the sources does.
 
     Numba looks only at the file of the outermost function, so a kernel would otherwise go on
     using an older version of a function that it calls from another file.
     """
     package = Path(__file__).parent
     digest = hashlib.sha256()
-    for source in sorted(
-        [Path(__file__), *package.glob("sim/*.py"), *package.glob("worlds/**/*.py")]
-    ):
+    for source in sorted(file for pattern in sources for file in package.glob(pattern)):
         digest.update(source.read_bytes())
     return str(cache_folder() / "kernels" / digest.hexdigest()[:16])
 
@@ -78,7 +81,9 @@ def compiled(
         "_nrt": allocates,
     }
     # The setting is read here and now; other users of numba in this process keep theirs.
-    with patched(numba_config, "CACHE_DIR", _kernel_cache()):
+    planner = function.__module__.startswith("pm01_nav.planners")
+    folder = _kernel_cache(PLANNER_SOURCES if planner else KERNEL_SOURCES)
+    with patched(numba_config, "CACHE_DIR", folder):
         return numba.njit(**options)(function)
 
 

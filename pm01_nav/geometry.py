@@ -28,6 +28,17 @@ def to_frame(points: Array, pose: Array) -> Array:
     return np.stack([forward, left], axis=-1)
 
 
+def after_twist(pose: Array, twist: Array, dt: float) -> Array:
+    """Return poses (..., 3) [m, m, rad] after ``dt`` [s] on an arc of constant twist.
+
+    ``twist`` (..., 2): v and w in the frame of the pose [m/s, rad/s].
+    """
+    turn = twist[..., 1] * dt
+    chord = twist[..., 0] * dt * np.sinc(0.5 * turn / np.pi)
+    along = pose[..., 2] + 0.5 * turn
+    return pose + np.stack([chord * np.cos(along), chord * np.sin(along), turn], axis=-1)
+
+
 def rectangle(x: float, y: float, length: float, width: float, yaw: float = 0.0) -> Array:
     """Return the corners of a rectangle around (x, y), counter-clockwise, shape (4, 2) [m]."""
     half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array([length, width]) / 2.0

@@ -8,7 +8,7 @@ from pathlib import Path
 from pm01_nav.config import validate
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
-from pm01_nav.planners import PLANNERS
+from pm01_nav.planners import PLANNERS, make_planner
 from pm01_nav.policy import OnnxPolicy, Policy
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.config import TaskConfig
@@ -21,7 +21,7 @@ def load_policy(name: str, robot: RobotSpec, control_dt: float) -> Policy:
         InputError: there is no such policy, or it does not fit the robot or the control rate.
     """
     if name in PLANNERS:
-        return PLANNERS[name](robot)
+        return make_planner(name, robot, control_dt)
     policy = OnnxPolicy(_policy_file(name), robot)
     if abs(policy.control_dt - control_dt) > 1e-9:
         raise InputError(

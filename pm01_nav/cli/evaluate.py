@@ -39,7 +39,9 @@ def command(
     look_ahead: float | None,
     **options: Any,
 ) -> None:
-    """Measure POLICY: a policy.onnx, a run's folder, or a planner's name (goal_seeking).
+    """Measure POLICY: a policy.onnx, a run's folder, or a planner's name.
+
+    Planners: goal_seeking, gap_following, vfh, pure_pursuit, regulated_pure_pursuit, dwa, mppi.
 
     Rates come with Wilson 95 % intervals. Without --task a policy is measured on the task it was
     trained on. BARN (Perille et al. 2020): unpack the dataset, then

@@ -5,19 +5,25 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
+from pm01_nav.config import FrozenModel
 from pm01_nav.robot import RobotSpec
 
-GAIN = 2.0
-"""Turn rate per radian of bearing [1/s]."""
+
+class GoalSeekingParams(FrozenModel):
+    """Parameters of goal seeking."""
+
+    turn_gain: float = Field(gt=0.0)
+    """Turn rate per radian of bearing [1/s]."""
 
 
 class GoalSeeking:
     """Turn towards the goal, and drive the faster the better it lies ahead."""
 
-    def __init__(self, robot: RobotSpec) -> None:
-        """Keep the robot's limits."""
-        self._limits = robot.limits
+    def __init__(self, robot: RobotSpec, control_dt: float, params: GoalSeekingParams) -> None:
+        """Drive within the robot's limits; ``control_dt`` [s] does not matter."""
+        self._limits, self._gain = robot.limits, params.turn_gain
 
     def reset(self) -> None:
         """Do nothing: there is no memory."""
@@ -31,5 +37,5 @@ class GoalSeeking:
         bearing = np.arctan2(goal[..., 1], goal[..., 0])
         limits = self._limits
         linear = limits.linear_max * np.maximum(np.cos(bearing), 0.0)
-        angular = np.clip(GAIN * bearing, -limits.angular_max, limits.angular_max)
+        angular = np.clip(self._gain * bearing, -limits.angular_max, limits.angular_max)
         return np.stack([linear, angular], axis=-1)

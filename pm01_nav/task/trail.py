@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.errors import InputError
+from pm01_nav.geometry import after_twist
 
 FloatArray = NDArray[np.float64]
 
@@ -116,7 +116,7 @@ class Trail:
         """
         velocity = np.asarray(velocity, dtype=np.float64)
         if self._velocity is not None:
-            self._pose = _moved(self._pose, 0.5 * (self._velocity + velocity), self._dt)
+            self._pose = after_twist(self._pose, 0.5 * (self._velocity + velocity), self._dt)
         self._velocity = velocity.copy()
         if self._steps % self.layout.interval_steps == 0:
             self._places[:, self._noted % self.layout.capacity] = self._pose[:, :2]
@@ -129,12 +129,3 @@ class Trail:
         sectors = visited_sectors(self.layout, places, self._pose)
         here = familiarity(self.layout, settled, self._pose)
         return np.concatenate([sectors, here[:, None]], axis=1)
-
-
-def _moved(pose: FloatArray, twist: FloatArray, dt: float) -> FloatArray:
-    """Return poses after an arc of constant twist."""
-    turn = twist[:, 1] * dt
-    chord = twist[:, 0] * dt * np.sinc(0.5 * turn / np.pi)
-    along = pose[:, 2] + 0.5 * turn
-    step: Any = [chord * np.cos(along), chord * np.sin(along), turn]
-    return pose + np.stack(step, axis=-1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pm01_nav.benchmark.evaluate import Evaluator, goal_in_base
 from pm01_nav.envs.spaces import resolve_task
 from pm01_nav.errors import InputError
-from pm01_nav.planners import PLANNERS
+from pm01_nav.planners import make_planner
 from pm01_nav.robot import full_circle
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
@@ -111,7 +111,9 @@ def test_unusable_answer_is_refused(answer) -> None:
 
 def test_goal_seeking_solves_the_empty_room() -> None:
     config = task("empty")
-    summary = Evaluator(config, 32, 0).summary(PLANNERS["goal_seeking"](config.robot_spec()))
+    summary = Evaluator(config, 32, 0).summary(
+        make_planner("goal_seeking", config.robot_spec(), config.control_dt)
+    )
     assert summary["success_rate"] >= 0.95
     assert summary["episodes"] == 32
     assert summary["success_rate"] + summary["collision_rate"] + summary["timeout_rate"] == 1.0
@@ -164,7 +166,7 @@ def test_shortest_path_ends_at_the_goal_radius() -> None:
 def test_episodes_end_alike_alone_and_beside_others() -> None:
     # Those that are done are left out of the batch; it must change nothing for the others.
     config = task("mixed", time_limit_steps=300)
-    planner = PLANNERS["goal_seeking"](config.robot_spec())
+    planner = make_planner("goal_seeking", config.robot_spec(), config.control_dt)
     together, _ = Evaluator(config, 24, 0).run(planner)
     assert len(set(together.steps.tolist())) > 12
     pool = world_pool(config, "held_out", 24)

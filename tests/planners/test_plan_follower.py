@@ -11,7 +11,7 @@ import pytest
 from pm01_nav.benchmark.evaluate import Evaluator
 from pm01_nav.envs.spaces import resolve_task
 from pm01_nav.errors import InputError
-from pm01_nav.planners.goal_seeking import GoalSeeking
+from pm01_nav.planners import make_planner
 from pm01_nav.planners.plan_follower import PATIENCE, PlanFollower
 from pm01_nav.robot import full_circle
 from pm01_nav.task.config import TaskConfig
@@ -68,7 +68,7 @@ def trap(request, monkeypatch) -> TaskConfig:
 
 @pytest.mark.parametrize("trap", TRAPS, indirect=True)
 def test_blind_planner_fails_alone_and_succeeds_with_a_plan(trap: TaskConfig) -> None:
-    policy = GoalSeeking(trap.robot_spec())
+    policy = make_planner("goal_seeking", trap.robot_spec(), trap.control_dt)
     alone = Evaluator(trap, 40, 0).summary(policy)
     led = Evaluator(trap, 40, 0, look_ahead=2.0).summary(policy)
     assert alone["success_rate"] == 0.0
@@ -79,7 +79,7 @@ def test_blind_planner_fails_alone_and_succeeds_with_a_plan(trap: TaskConfig) ->
 
 def test_static_worlds_are_crossed_blindly_with_a_plan() -> None:
     config = resolve_task("static", {"robot_changes": {"lidar": full_circle(36)}})
-    policy = GoalSeeking(config.robot_spec())
+    policy = make_planner("goal_seeking", config.robot_spec(), config.control_dt)
     alone = Evaluator(config, 100, 0).summary(policy)["success_rate"]
     led = Evaluator(config, 100, 0, look_ahead=2.0).summary(policy)["success_rate"]
     # Many of these worlds are harmless: the goal lies in plain sight.

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What local planners have in common: a costmap on the way, and A* over it to the goal."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from pm01_nav.config import FrozenModel
+from pm01_nav.errors import InputError
+from pm01_nav.geometry import to_frame
+from pm01_nav.planners.rolling_costmap import CostmapParams, RollingCostmap
+from pm01_nav.robot import RobotSpec
+from pm01_nav.worlds.global_plan import Costmap, GlobalPlan, plan_path
+
+FloatArray = NDArray[np.float64]
+
+EDGE = 3
+"""A goal beyond the map is sought this many cells inside its edge."""
+
+
+class GuideParams(FrozenModel):
+    """How the way to the goal is planned."""
+
+    costmap: CostmapParams = CostmapParams()
+    replan_steps: int = Field(default=10, ge=1)
+    """Control steps between two plans of a robot that keeps to its plan."""
+    patience_steps: int = Field(default=3, ge=1)
+    """Control steps between two plans of one that does not."""
+    strayed: float = Field(default=0.5, gt=0.0)
+    """A robot further from its plan does not keep to it [m]."""
+    snap: float = Field(default=1.5, ge=0.0)
+    """A goal in a closed cell is replaced by a free one no further away [m]."""
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What a local planner decides by; one row a robot, all in base_link."""
+
+    scan: FloatArray
+    """Ranges by REP-117 [m], shape (n, num_beams)."""
+    goal: FloatArray
+    """x forward, y left [m], shape (n, 2)."""
+    carrot: FloatArray
+    """A point some way ahead on the plan to the goal [m], shape (n, 2)."""
+    velocity: FloatArray
+    """Measured v, w [m/s, rad/s], shape (n, 2)."""
+
+
+class GuidedPlanner(ABC):
+    """Plan with A* on a rolling costmap, and leave the next command to a subclass.
+
+    The planner remembers n robots from the first call after ``reset`` on; a call with another
+    number of them begins anew.
+    """
+
+    def __init__(
+        self, robot: RobotSpec, control_dt: float, guide: GuideParams, look_ahead: float
+    ) -> None:
+        """Plan for a robot that is commanded every ``control_dt`` [s].
+
+        ``look_ahead`` [m] is how far ahead on the plan the carrot lies.
+        """
+        self.robot, self.control_dt = robot, control_dt
+        self._guide, self._look_ahead = guide, look_ahead
+        self._map: RollingCostmap | None = None
+        self._plans: list[GlobalPlan | None] = []
+        self._age = np.zeros(0, dtype=np.int64)
+
+    @abstractmethod
+    def command(self, situation: Situation) -> FloatArray:
+        """Return the next commands (n, 2) [m/s, rad/s]."""
+
+    def reset(self) -> None:
+        """Forget maps and plans."""
+        self._map = None
+
+    def keep(self, robots: NDArray[np.int64]) -> None:
+        """Go on with these of the robots only."""
+        if self._map is not None:
+            self._map.keep(robots)
+            self._plans = [self._plans[i] for i in robots]
+            self._age = self._age[robots]
+
+    def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> FloatArray:
+        """Return (v, w) [m/s, rad/s]; see ``Policy.act``."""
+        goal = np.asarray(goal, dtype=np.float64)
+        goals = goal.reshape(-1, 2)
+        scans = np.asarray(scan, dtype=np.float64).reshape(len(goals), -1)
+        velocities = np.broadcast_to(np.asarray(velocity, dtype=np.float64), goal.shape)
+        velocities = velocities.reshape(-1, 2)
+        if self._map is None or len(self._plans) != len(goals):
+            self._begin(len(goals))
+        assert self._map is not None
+        self._map.observe(scans, velocities)
+        carrots = self._carrots(self._map, goals)
+        situation = Situation(scans, goals, carrots, velocities)
+        return self.command(situation).reshape(goal.shape)
+
+    def _begin(self, count: int) -> None:
+        self._map = RollingCostmap(self.robot, self.control_dt, count, self._guide.costmap)
+        self._plans = [None] * count
+        self._age = np.zeros(count, dtype=np.int64)
+
+    def _carrots(self, maps: RollingCostmap, goals: FloatArray) -> FloatArray:
+        """Return the carrots in base_link [m], shape (n, 2)."""
+        poses = maps.pose
+        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x = poses[:, 0] + cos * goals[:, 0] - sin * goals[:, 1]
+        y = poses[:, 1] + sin * goals[:, 0] + cos * goals[:, 1]
+        targets = np.stack([x, y], axis=-1)
+        points = np.array([self._point(maps, i, targets[i]) for i in range(len(goals))])
+        return to_frame(points.reshape(-1, 2), poses)
+
+    def _point(self, maps: RollingCostmap, i: int, goal: FloatArray) -> FloatArray:
+        """Return robot i's carrot in the frame of its odometry [m], shape (2,)."""
+        position = maps.pose[i, :2]
+        self._age[i] += 1
+        plan = self._plans[i]
+        if plan is None or self._age[i] >= self._guide.replan_steps:
+            plan = self._replan(maps, i, goal)
+        ahead = plan.look_ahead(position, self._look_ahead)
+        keeps = ahead.visible and ahead.deviation <= self._guide.strayed
+        if not keeps and self._age[i] >= self._guide.patience_steps:
+            ahead = self._replan(maps, i, goal).look_ahead(position, self._look_ahead)
+        return ahead.point
+
+    def _replan(self, maps: RollingCostmap, i: int, goal: FloatArray) -> GlobalPlan:
+        """Plan from where robot i is; if there is no way, straight at the goal."""
+        position, costmap = maps.pose[i, :2], maps.costmap(i)
+        try:
+            path = plan_path(costmap, position, self._reachable(costmap, goal))
+        except InputError:
+            path = np.array([position, goal])
+        self._plans[i] = plan = GlobalPlan(costmap, path)
+        self._age[i] = 0
+        return plan
+
+    def _reachable(self, costmap: Costmap, goal: FloatArray) -> FloatArray:
+        """Return the goal, or a free place on the map near it."""
+        space = costmap.space
+        low = np.array(space.origin) + EDGE * space.resolution
+        height, width = space.free.shape
+        high = low + (np.array([width, height]) - 2 * EDGE) * space.resolution
+        inside = np.clip(goal, low, high)
+        cell = space.nearest_free(inside[0], inside[1], self._guide.snap)
+        if cell is None:
+            return inside
+        own = space.cell(inside[0], inside[1])
+        return inside if cell == own else space.centre(*np.array(cell)[:, None])[0]

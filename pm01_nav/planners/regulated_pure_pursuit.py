@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Regulated pure pursuit: slower in bends and close to obstacles, and never into them.
+
+S. Macenski et al., "Regulated Pure Pursuit for Robot Path Tracking", Autonomous Robots 47, 2023;
+the heuristics are those of Nav2's controller of that name.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from pm01_nav.compilation import compiled
+from pm01_nav.planners.distance_field import DistanceFields, distance_at
+from pm01_nav.planners.guided import GuidedPlanner, Situation
+from pm01_nav.planners.pure_pursuit import PurePursuitParams, pursue
+from pm01_nav.robot import RobotSpec
+
+FloatArray = NDArray[np.float64]
+
+
+class RegulatedPurePursuitParams(PurePursuitParams):
+    """Parameters of regulated pure pursuit, beside those of pure pursuit."""
+
+    least_radius: float = Field(gt=0.0)
+    """Arcs of a smaller radius are driven in proportion to it [m]."""
+    proximity: float = Field(gt=0.0)
+    """Obstacles nearer to the footprint than this slow down in proportion [m]."""
+    proximity_gain: float = Field(gt=0.0, le=1.0)
+    """What proportion of the speed is left at the very edge of that distance."""
+    least_speed: float = Field(gt=0.0, le=1.0)
+    """It never gets slower than this, of the robot's greatest."""
+    collision_time: float = Field(gt=0.0)
+    """The arc must be free for so long [s], else the robot turns on the spot."""
+    collision_margin: float = Field(ge=0.0)
+    """The footprint is taken so much larger for that [m]."""
+
+
+class RegulatedPurePursuit(GuidedPlanner):
+    """Follow the plan as fast as it is safe."""
+
+    def __init__(
+        self, robot: RobotSpec, control_dt: float, params: RegulatedPurePursuitParams
+    ) -> None:
+        """Follow plans with a robot that is commanded every ``control_dt`` [s]."""
+        super().__init__(robot, control_dt, params.guide, params.look_ahead)
+        self.params = params
+        reach = robot.limits.linear_max * params.collision_time + 1.0
+        self._fields = DistanceFields(robot, reach)
+
+    def command(self, situation: Situation) -> FloatArray:
+        """Return the regulated arcs to the carrots; on the spot where an arc would collide."""
+        limits, params, carrot = self.robot.limits, self.params, situation.carrot
+        radius = self.robot.footprint.circumscribed_radius
+        fields = self._fields(situation.scan)
+        half = self._fields.half
+        clearance = np.maximum(fields[:, half, half].astype(np.float64) - radius, 0.0)
+        squared = np.maximum((carrot**2).sum(axis=1), 1e-6)
+        arc_radius = squared / np.maximum(2.0 * np.abs(carrot[:, 1]), 1e-9)
+        bend = np.minimum(arc_radius / params.least_radius, 1.0)
+        near = np.where(
+            clearance < params.proximity, params.proximity_gain * clearance / params.proximity, 1.0
+        )
+        least = params.least_speed * limits.linear_max
+        speed = np.maximum(params.speed * limits.linear_max * np.minimum(bend, near), least)
+        command = pursue(carrot, speed, limits.angular_max, params)
+        free = np.zeros(len(carrot), dtype=np.bool_)
+        _arcs_are_free(
+            fields, command, radius + params.collision_margin, params.collision_time, free
+        )
+        bearing = np.arctan2(carrot[:, 1], carrot[:, 0])
+        turning = np.clip(params.rotate_gain * bearing, -limits.angular_max, limits.angular_max)
+        return np.where(free[:, None], command, np.stack([0.0 * turning, turning], axis=-1))
+
+
+@compiled
+def _arcs_are_free(fields, command, radius, duration, free):
+    """Tell whether a disc of ``radius`` [m] can follow each command for ``duration`` [s]."""
+    steps = 20
+    for i in range(command.shape[0]):
+        x = y = yaw = 0.0
+        free[i] = True
+        before = distance_at(fields, i, 0.0, 0.0)
+        for _ in range(steps):
+            dt = duration / steps
+            yaw += 0.5 * command[i, 1] * dt
+            x += command[i, 0] * dt * np.cos(yaw)
+            y += command[i, 0] * dt * np.sin(yaw)
+            yaw += 0.5 * command[i, 1] * dt
+            here = distance_at(fields, i, x, y)
+            # A robot that is close already may move away.
+            if here < radius and here < before:
+                free[i] = False
+            before = min(before, here)

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Maps that robots without a map make as they go, from their scans and their odometry.
+
+Like the rolling costmap of Nav2: beams clear the cells that they pass and mark the cell in which
+they end; what has not been seen yet counts as free.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy import ndimage
+
+from pm01_nav.compilation import compiled
+from pm01_nav.config import FrozenModel
+from pm01_nav.geometry import after_twist
+from pm01_nav.robot import RobotSpec
+from pm01_nav.worlds.free_space import FreeSpace
+from pm01_nav.worlds.global_plan import Costmap, inflate
+
+FloatArray = NDArray[np.float64]
+
+
+class CostmapParams(FrozenModel):
+    """How a rolling costmap is kept."""
+
+    resolution: float = Field(default=0.1, gt=0.0, le=1.0)
+    """Side of a cell [m]."""
+    size: int = Field(default=160, ge=16, le=2000)
+    """Cells along a side."""
+    obstacle_range: float = Field(default=6.0, gt=0.0)
+    """Returns further away are not marked, and beams clear no further [m]."""
+    padding: float = Field(default=0.05, ge=0.0)
+    """The robot's circumscribed radius is taken this much larger [m]."""
+
+
+class RollingCostmap:
+    """One map around each of n robots, in the frame of its odometry: where it began to look."""
+
+    def __init__(
+        self, robot: RobotSpec, control_dt: float, count: int, params: CostmapParams
+    ) -> None:
+        """Begin ``count`` empty maps; ``control_dt`` [s] lies between two observations."""
+        self.params = params
+        self.pose = np.zeros((count, 3))
+        """Where each robot is by its odometry, x, y, yaw [m, m, rad]."""
+        self._dt = control_dt
+        self._velocity: FloatArray | None = None
+        self._occupied = np.zeros((count, params.size, params.size), dtype=np.uint8)
+        self._corner = np.full((count, 2), -(params.size // 2))
+        self._radius = robot.footprint.circumscribed_radius + params.padding
+        lidar = robot.lidar
+        self._mount = (lidar.x, lidar.y, lidar.yaw, lidar.range_min)
+        self._angles = lidar.angles
+        self._reach = min(lidar.range_max, params.obstacle_range)
+
+    def observe(self, scan: FloatArray, velocity: FloatArray) -> None:
+        """Follow the robots by one control step and enter their scans.
+
+        ``scan`` (n, num_beams): ranges by REP-117 [m]; ``velocity`` (n, 2) [m/s, rad/s] measured
+        now. The first call moves nothing.
+        """
+        if self._velocity is not None:
+            mean = 0.5 * (self._velocity + velocity)
+            self.pose = after_twist(self.pose, mean, self._dt)
+        self._velocity = velocity.copy()
+        self._roll()
+        frame = (self.params.resolution, self._reach)
+        _enter(self._occupied, self._corner, self.pose, scan, self._angles, self._mount, frame)
+
+    def _roll(self) -> None:
+        """Move a map whose robot is nearer to its edge than to its middle."""
+        size, quarter = self.params.size, self.params.size // 4
+        here = np.floor(self.pose[:, :2] / self.params.resolution).astype(np.int64)
+        off = here - self._corner - size // 2
+        for i in np.flatnonzero((np.abs(off) > quarter).any(axis=1)):
+            moved = np.zeros_like(self._occupied[i])
+            across, up = off[i]
+            target = tuple(slice(max(-d, 0), size - max(d, 0)) for d in (up, across))
+            source = tuple(slice(max(d, 0), size + min(d, 0)) for d in (up, across))
+            moved[target] = self._occupied[i][source]
+            self._occupied[i] = moved
+            self._corner[i] += off[i]
+
+    def costmap(self, i: int) -> Costmap:
+        """Return where robot i fits now, and what is dear because it is close to obstacles."""
+        resolution = self.params.resolution
+        occupied = self._occupied[i]
+        corner = resolution * self._corner[i]
+        free = np.ones(occupied.shape, dtype=np.bool_)
+        if occupied.any():
+            distance = np.asarray(ndimage.distance_transform_edt(occupied == 0))
+            free = distance * resolution > self._radius
+        space = FreeSpace(free, resolution, (float(corner[0]), float(corner[1])))
+        return inflate(space, self._radius)
+
+    def keep(self, robots: NDArray[np.int64]) -> None:
+        """Go on with these of the robots only."""
+        self.pose, self._occupied = self.pose[robots], self._occupied[robots]
+        self._corner = self._corner[robots]
+        if self._velocity is not None:
+            self._velocity = self._velocity[robots]
+
+
+@compiled
+def _enter(occupied, corner, pose, scan, angles, mount, frame):
+    """Clear the cells that the beams pass, then mark those in which they end."""
+    resolution, reach = frame
+    for i in range(pose.shape[0]):
+        cos, sin = np.cos(pose[i, 2]), np.sin(pose[i, 2])
+        x = (pose[i, 0] + cos * mount[0] - sin * mount[1]) / resolution - corner[i, 0]
+        y = (pose[i, 1] + sin * mount[0] + cos * mount[1]) / resolution - corner[i, 1]
+        for marking in range(2):
+            for k in range(angles.shape[0]):
+                length = reading(scan[i, k], mount[3])
+                if length < 0.0:
+                    continue
+                direction = pose[i, 2] + mount[2] + angles[k]
+                ux, uy = np.cos(direction), np.sin(direction)
+                if marking == 0:
+                    _clear(occupied, i, x, y, ux, uy, min(length, reach) / resolution - 1.0)
+                elif length <= reach:
+                    _mark(occupied, i, x + ux * length / resolution, y + uy * length / resolution)
+
+
+@compiled
+def reading(value, range_min):
+    """Return how far a beam got [m], infinity if nothing stopped it; -1 if it says nothing."""
+    if np.isnan(value) or 0.0 <= value < range_min:
+        return -1.0
+    return range_min if value < 0.0 else float(value)
+
+
+@compiled
+def _clear(occupied, i, x, y, ux, uy, length):
+    """Clear the cells along a beam; all in cells."""
+    for k in range(int(2.0 * length) + 1):
+        column, row = int(np.floor(x + 0.5 * k * ux)), int(np.floor(y + 0.5 * k * uy))
+        if 0 <= column < occupied.shape[2] and 0 <= row < occupied.shape[1]:
+            occupied[i, row, column] = 0
+
+
+@compiled
+def _mark(occupied, i, x, y):
+    """Mark the cell of a point; all in cells."""
+    column, row = int(np.floor(x)), int(np.floor(y))
+    if 0 <= column < occupied.shape[2] and 0 <= row < occupied.shape[1]:
+        occupied[i, row, column] = 1

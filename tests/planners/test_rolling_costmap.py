@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Costmaps made on the way: what is marked, cleared, carried along and forgotten."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pm01_nav.planners.rolling_costmap import CostmapParams, RollingCostmap
+from pm01_nav.robot import full_circle, load_robot
+
+BEAMS = 36
+PARAMS = CostmapParams(resolution=0.1, size=40, obstacle_range=1.5, padding=0.0)
+REST = np.zeros((1, 2))
+BLIND = np.full((1, BEAMS), np.nan)
+
+
+def make(count: int = 1) -> RollingCostmap:
+    robot = load_robot("pm01")
+    lidar = robot.lidar.model_copy(update=full_circle(BEAMS))
+    return RollingCostmap(robot.model_copy(update={"lidar": lidar}), 0.1, count, PARAMS)
+
+
+def looking(**ranges: float) -> np.ndarray:
+    """Return a scan of no returns but for some of the beams ahead, left, behind and right."""
+    beams = {"behind": 0, "right": 9, "ahead": 18, "left": 27}
+    scan = np.full((1, BEAMS), np.inf)
+    for name, value in ranges.items():
+        scan[0, beams[name]] = value
+    return scan
+
+
+def blocked(costmap: RollingCostmap, x: float, y: float, i: int = 0) -> bool:
+    space = costmap.costmap(i).space
+    cell = space.cell(x, y)
+    assert cell is not None
+    return not space.free[cell]
+
+
+def test_a_return_blocks_a_disc_around_it() -> None:
+    costmap = make()
+    costmap.observe(looking(ahead=1.05), REST)
+    # PM01's radius is 0.17 m; cells are looked at from centre to centre.
+    for x, expected in ((0.8, False), (0.95, True), (1.05, True), (1.15, True), (1.3, False)):
+        assert blocked(costmap, x, 0.0) == expected, x
+    assert not blocked(costmap, 0.0, 1.05)
+
+
+def test_beams_clear_what_has_gone() -> None:
+    costmap = make()
+    costmap.observe(looking(ahead=1.05), REST)
+    costmap.observe(looking(), REST)
+    assert not blocked(costmap, 1.05, 0.0)
+
+
+def test_nothing_is_cleared_behind_a_return_nor_by_a_beam_that_says_nothing() -> None:
+    costmap = make()
+    costmap.observe(looking(ahead=1.25, left=1.05), REST)
+    costmap.observe(looking(ahead=0.55, left=np.nan), REST)
+    assert blocked(costmap, 0.55, 0.0)
+    assert blocked(costmap, 1.25, 0.0)
+    assert blocked(costmap, 0.0, 1.05)
+
+
+def test_far_returns_are_not_marked() -> None:
+    costmap = make()
+    costmap.observe(looking(ahead=1.65), REST)
+    assert not blocked(costmap, 1.65, 0.0)
+
+
+def test_too_close_is_marked_where_the_lidar_begins_to_see() -> None:
+    costmap = make()
+    costmap.observe(looking(ahead=-np.inf), REST)
+    assert blocked(costmap, 0.12, 0.0)
+
+
+def test_the_map_stays_where_the_robot_moves() -> None:
+    costmap = make()
+    costmap.observe(looking(left=1.0), REST)
+    ahead = np.array([[1.0, 0.0]])
+    for _ in range(12):
+        costmap.observe(BLIND, ahead)
+    # Half a step at first, when the speed rises from 0 to 1 m/s: 0.05 + 11 x 0.1 m.
+    assert costmap.pose[0] == pytest.approx([1.15, 0.0, 0.0])
+    # More than a quarter of 4 m: the map moved, and what is on it did not.
+    corner = costmap.costmap(0).space.origin
+    assert corner == pytest.approx((-0.9, -2.0))
+    assert blocked(costmap, 0.0, 1.0)
+
+
+def test_what_is_left_behind_is_forgotten() -> None:
+    costmap = make()
+    costmap.observe(looking(behind=1.0), REST)
+    for _ in range(25):
+        costmap.observe(BLIND, np.array([[1.0, 0.0]]))
+    for _ in range(25):
+        costmap.observe(BLIND, np.array([[-1.0, 0.0]]))
+    assert costmap.pose[0, :2] == pytest.approx([0.0, 0.0], abs=0.06)
+    assert not blocked(costmap, -1.0, 0.0)
+
+
+def test_robots_have_maps_of_their_own() -> None:
+    costmap = make(2)
+    scans = np.concatenate([looking(ahead=1.0), looking(left=1.0)])
+    costmap.observe(scans, np.zeros((2, 2)))
+    assert [blocked(costmap, 1.0, 0.0, i) for i in range(2)] == [True, False]
+    costmap.keep(np.array([1]))
+    assert not blocked(costmap, 1.0, 0.0)
+    assert blocked(costmap, 0.0, 1.0)
