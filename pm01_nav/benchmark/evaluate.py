@@ -5,19 +5,18 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.benchmark.metrics import barn_score, spl, wilson_interval
+from pm01_nav.benchmark.recorder import EpisodeResults, Recorder
 from pm01_nav.errors import InputError
 from pm01_nav.planners.plan_follower import PlanFollower
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
-from pm01_nav.task.terminations import out_of_time
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.worlds.barn import load_barn
 from pm01_nav.worlds.free_space import shortest_path_length
@@ -26,116 +25,9 @@ from pm01_nav.worlds.pool import WorldPool
 
 CHUNK = 1024
 """Episodes simulated side by side."""
-START_RADIUS = 0.1
-"""BARN's clock starts when the robot has moved this far [m]."""
 SIMULATOR = "pm01 planar simulator, not the official BARN evaluation"
 
 FloatArray = NDArray[np.float64]
-
-
-@dataclass
-class EpisodeResults:
-    """What happened in each of n episodes; arrays (n,)."""
-
-    world: NDArray[np.int64]
-    success: NDArray[np.bool_]
-    collision: NDArray[np.bool_]
-    steps: NDArray[np.int64]
-    moving_time: FloatArray
-    """From the first 0.1 m to the end [s]."""
-    path_length: FloatArray
-    """[m]"""
-    shortest_path: FloatArray
-    """From start to goal radius [m]; infinity if the planner found no way."""
-    min_clearance: FloatArray
-    """[m]"""
-    jerk: FloatArray
-    """Mean absolute jerk [m/s^3]."""
-
-
-@dataclass
-class Recorder:
-    """Sums up episodes that a batch drives; arrays (num_episodes,)."""
-
-    dt: float
-    episode: NDArray[np.int64]
-    """Which episode each robot of the batch drives, shape (num_envs,)."""
-    active: NDArray[np.bool_]
-    start: FloatArray
-    position: FloatArray
-    speeds: FloatArray
-    """v of the last step and of the one before [m/s], shape (2, num_episodes)."""
-    path_length: FloatArray
-    min_clearance: FloatArray
-    moved_at: NDArray[np.int64]
-    jerk_sum: FloatArray
-    steps: NDArray[np.int64]
-    success: NDArray[np.bool_]
-    collision: NDArray[np.bool_]
-
-    @classmethod
-    def begin(cls, batch: NavigationBatch) -> Recorder:
-        """Start recording at the present state, one episode a robot."""
-        state, n = batch.simulator.state, batch.num_envs
-        return cls(
-            dt=batch.config.control_dt,
-            episode=np.arange(n),
-            active=np.ones(n, dtype=np.bool_),
-            start=state.pose[:, :2].copy(),
-            position=state.pose[:, :2].copy(),
-            speeds=np.tile(state.twist[:, 0], (2, 1)),
-            path_length=np.zeros(n),
-            min_clearance=state.clearance.copy(),
-            moved_at=np.full(n, -1),
-            jerk_sum=np.zeros(n),
-            steps=np.zeros(n, dtype=np.int64),
-            success=np.zeros(n, dtype=np.bool_),
-            collision=np.zeros(n, dtype=np.bool_),
-        )
-
-    @property
-    def driving(self) -> NDArray[np.int64]:
-        """The robots of the batch whose episodes go on."""
-        return np.flatnonzero(self.active[self.episode])
-
-    def record(self, batch: NavigationBatch, command: FloatArray) -> None:
-        """Advance the batch by one step and add what happened to the active episodes."""
-        robots = self.driving
-        step = batch.advance(command)
-        now, position = self.episode[robots], step.pose[robots, :2]
-        self.path_length[now] += np.linalg.norm(position - self.position[now], axis=1)
-        self.position[now] = position
-        self.min_clearance[now] = np.minimum(self.min_clearance[now], step.clearance[robots])
-        self.steps[now] = step.count[robots]
-        far = np.linalg.norm(position - self.start[now], axis=1) >= START_RADIUS
-        first = now[far & (self.moved_at[now] < 0)]
-        self.moved_at[first] = self.steps[first]
-        self._add_jerk(now, step.twist[robots, 0])
-        self.success[now], self.collision[now] = step.reached[robots], step.collided[robots]
-        over = step.reached | step.collided | out_of_time(step, batch.config)
-        self.active[now] = ~over[robots]
-
-    def _add_jerk(self, now: NDArray[np.int64], speed: FloatArray) -> None:
-        last, before = self.speeds[:, now]
-        # The first step knows no acceleration before it.
-        jerk = np.abs(speed - 2.0 * last + before) / self.dt**2
-        self.jerk_sum[now] += np.where(self.steps[now] > 1, jerk, 0.0)
-        self.speeds[:, now] = speed, last
-
-    def results(self, world: NDArray[np.int64], shortest: FloatArray) -> EpisodeResults:
-        """Return what was recorded."""
-        moved_at = np.where(self.moved_at < 0, self.steps, self.moved_at)
-        return EpisodeResults(
-            world=world,
-            success=self.success,
-            collision=self.collision,
-            steps=self.steps,
-            moving_time=self.dt * (self.steps - moved_at).astype(np.float64),
-            path_length=self.path_length,
-            shortest_path=shortest,
-            min_clearance=self.min_clearance,
-            jerk=self.jerk_sum / np.maximum(self.steps - 1, 1),
-        )
 
 
 def goal_in_base(batch: NavigationBatch) -> FloatArray:
@@ -272,7 +164,12 @@ def summarize(results: EpisodeResults, config: TaskConfig, seconds: float) -> di
         "time_to_goal_s": _mean(results.steps[won] * config.control_dt),
         "path_length_m": _mean(results.path_length[won]),
         "min_clearance_m": _mean(results.min_clearance),
+        "mean_clearance_m": _mean(results.mean_clearance),
         "mean_jerk": _mean(results.jerk),
+        "turn_reversals_per_min": _mean(results.turn_reversals),
+        "personal_space_intrusion": _mean(
+            results.intrusion[np.isfinite(results.intrusion)],
+        ),
         "steps_per_second": round(steps / seconds, 1) if seconds > 0 else None,
     }
     return summary

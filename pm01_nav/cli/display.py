@@ -87,7 +87,10 @@ def results_table(columns: dict[str, dict[str, Any]], title: str) -> Table:
         ("time to goal", "time_to_goal_s", " s"),
         ("path length", "path_length_m", " m"),
         ("least clearance", "min_clearance_m", " m"),
+        ("mean clearance", "mean_clearance_m", " m"),
         ("mean jerk", "mean_jerk", " m/s^3"),
+        ("turns to the other side", "turn_reversals_per_min", " /min"),
+        ("steps close to pedestrians", "personal_space_intrusion", ""),
         ("BARN score 2024 (of 0.5)", "barn_score_2024", ""),
         ("BARN score 2022 (of 0.25)", "barn_score_2022", ""),
     ):

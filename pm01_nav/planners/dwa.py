@@ -66,7 +66,14 @@ class DWA(GuidedPlanner):
             limits.angular_acceleration,
         )
         radius = robot.footprint.circumscribed_radius + params.margin
-        self._arcs = (radius, params.window, params.horizon, params.steps, params.clearance_limit)
+        self._arcs = (
+            radius,
+            params.window,
+            params.horizon,
+            params.steps,
+            params.clearance_limit,
+            control_dt + robot.actuator.lag_s,
+        )
         self._samples = (params.linear_samples, params.angular_samples)
         self._weights = (
             params.heading_weight,
@@ -117,7 +124,7 @@ def _choose(fields, carrot, velocity, limits, arcs, samples, weights, chosen):
 @compiled(inline=False)
 def _judge(fields, carrot, i, v, w, limits, arcs, weights):
     """Return how good an arc is, minus infinity if the robot could not stop before an obstacle."""
-    radius, _, horizon, steps, clearance_limit = arcs
+    radius, _, horizon, steps, clearance_limit, reaction = arcs
     dt = horizon / steps
     x = y = yaw = 0.0
     start = distance_at(fields, i, 0.0, 0.0)
@@ -131,7 +138,8 @@ def _judge(fields, carrot, i, v, w, limits, arcs, weights):
         least = min(least, here)
         if here < radius and here <= start:
             # Fox et al., eq. 14: slow enough to stop within the way that is left.
-            if v > np.sqrt(2.0 * v * k * dt * limits[2]) or k == 0:
+            way = v * max(k * dt - reaction, 0.0)
+            if v > np.sqrt(2.0 * way * limits[2]) or k == 0:
                 return -np.inf
             break
     dx, dy = carrot[i, 0] - x, carrot[i, 1] - y

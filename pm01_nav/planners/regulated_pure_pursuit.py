@@ -18,6 +18,8 @@ from pm01_nav.planners.pure_pursuit import PurePursuitParams, pursue
 from pm01_nav.robot import RobotSpec
 
 FloatArray = NDArray[np.float64]
+STEPS = 20
+"""Places looked at on an arc."""
 
 
 class RegulatedPurePursuitParams(PurePursuitParams):
@@ -50,7 +52,11 @@ class RegulatedPurePursuit(GuidedPlanner):
         self._fields = DistanceFields(robot, reach)
 
     def command(self, situation: Situation) -> FloatArray:
-        """Return the regulated arcs to the carrots; on the spot where an arc would collide."""
+        """Return the regulated arcs to the carrots.
+
+        Where an arc would collide it is tried slower, which is shorter, and else the robot turns
+        on the spot.
+        """
         limits, params, carrot = self.robot.limits, self.params, situation.carrot
         radius = self.robot.footprint.circumscribed_radius
         fields = self._fields(situation.scan)
@@ -65,31 +71,39 @@ class RegulatedPurePursuit(GuidedPlanner):
         least = params.least_speed * limits.linear_max
         speed = np.maximum(params.speed * limits.linear_max * np.minimum(bend, near), least)
         command = pursue(carrot, speed, limits.angular_max, params)
-        free = np.zeros(len(carrot), dtype=np.bool_)
-        _arcs_are_free(
-            fields, command, radius + params.collision_margin, params.collision_time, free
-        )
+        scale = np.zeros(len(carrot))
+        margin = radius + params.collision_margin
+        _slow_down(fields, command, margin, params.collision_time, scale)
         bearing = np.arctan2(carrot[:, 1], carrot[:, 0])
         turning = np.clip(params.rotate_gain * bearing, -limits.angular_max, limits.angular_max)
-        return np.where(free[:, None], command, np.stack([0.0 * turning, turning], axis=-1))
+        on_the_spot = np.stack([0.0 * turning, turning], axis=-1)
+        return np.where(scale[:, None] > 0.0, scale[:, None] * command, on_the_spot)
 
 
 @compiled
-def _arcs_are_free(fields, command, radius, duration, free):
-    """Tell whether a disc of ``radius`` [m] can follow each command for ``duration`` [s]."""
-    steps = 20
+def _slow_down(fields, command, radius, duration, scale):
+    """Write by which factor each command must be slowed to be free for ``duration`` [s], or 0."""
     for i in range(command.shape[0]):
-        x = y = yaw = 0.0
-        free[i] = True
-        before = distance_at(fields, i, 0.0, 0.0)
-        for _ in range(steps):
-            dt = duration / steps
-            yaw += 0.5 * command[i, 1] * dt
-            x += command[i, 0] * dt * np.cos(yaw)
-            y += command[i, 0] * dt * np.sin(yaw)
-            yaw += 0.5 * command[i, 1] * dt
-            here = distance_at(fields, i, x, y)
-            # A robot that is close already may move away.
-            if here < radius and here < before:
-                free[i] = False
-            before = min(before, here)
+        scale[i] = 1.0
+        while scale[i] > 0.0 and not _is_free(fields, i, command, scale[i], radius, duration):
+            scale[i] = 0.5 * scale[i] if scale[i] > 0.2 else 0.0
+
+
+@compiled(inline=False)
+def _is_free(fields, i, command, scale, radius, duration):
+    """Tell whether a disc of ``radius`` [m] can follow a slowed command for ``duration`` [s]."""
+    dt = duration / STEPS
+    v, w = scale * command[i, 0], scale * command[i, 1]
+    x = y = yaw = 0.0
+    before = distance_at(fields, i, 0.0, 0.0)
+    for _ in range(STEPS):
+        yaw += 0.5 * w * dt
+        x += v * dt * np.cos(yaw)
+        y += v * dt * np.sin(yaw)
+        yaw += 0.5 * w * dt
+        here = distance_at(fields, i, x, y)
+        # A robot that is close already may move away.
+        if here < radius and here < before:
+            return False
+        before = min(before, here)
+    return True
