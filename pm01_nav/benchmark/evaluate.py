@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,9 +23,12 @@ from pm01_nav.worlds.barn import load_barn
 from pm01_nav.worlds.free_space import shortest_path_length
 from pm01_nav.worlds.global_plan import inflate
 from pm01_nav.worlds.pool import WorldPool
+from pm01_nav.worlds.world import World
 
 CHUNK = 1024
 """Episodes simulated side by side."""
+DYNABARN_SUCCESS = 0.125
+"""What the challenge's script gives for any success on DynaBARN."""
 SIMULATOR = "pm01 planar simulator, not the official BARN evaluation"
 
 FloatArray = NDArray[np.float64]
@@ -120,6 +124,8 @@ class Evaluator:
             summary["global_plan_look_ahead_m"] = self.look_ahead
         if self.config.suite == "barn" and self.config.worlds is not None:
             summary |= summarize_barn(results, load_barn(self.config.worlds).path_lengths)
+        if self.config.suite == "dynabarn":
+            summary |= summarize_dynabarn(results, self.pool.worlds)
         return summary
 
 
@@ -193,6 +199,24 @@ def summarize_barn(results: EpisodeResults, path_lengths: FloatArray) -> dict[st
         "barn_optimal_over_actual_time": _mean(ratio),
         "barn_worlds": len(worlds),
         "barn_evaluated_in": SIMULATOR,
+    }
+
+
+def summarize_dynabarn(results: EpisodeResults, worlds: Sequence[World]) -> dict[str, Any]:
+    """Return DynaBARN's scores, labelled as ours: with the way's true length, and as published.
+
+    The challenge's script takes the way from start to goal for -31 m long, so that each success
+    scores 0.125, however long it took.
+    """
+    lengths = []
+    for world in worlds:
+        assert world.start is not None
+        assert world.goal_area is not None
+        ends = np.array(world.start[:2]) - np.array(world.goal_area[:2])
+        lengths.append(float(np.linalg.norm(ends)))
+    scores = summarize_barn(results, np.array(lengths))
+    return scores | {
+        "dynabarn_score_as_published": DYNABARN_SUCCESS * float(results.success.mean())
     }
 
 

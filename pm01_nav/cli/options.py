@@ -22,11 +22,14 @@ def task_options(command: Command) -> Command:
                 "--task",
                 metavar="NAME",
                 help="Where to drive: static, empty, article, corridors, rooms, maze, u_traps, "
-                "crowd, warehouse, mixed, map (with --map), barn_like, barn (with --worlds).",
+                "crowd, warehouse, mixed, map (with --map), barn_like, barn and dynabarn "
+                "(with --worlds).",
             ),
             click.option("--map", "map_", metavar="FILE", help="A ROS map's YAML, for task map."),
             click.option(
-                "--worlds", metavar="DIR", help="The unpacked BARN dataset, for task barn."
+                "--worlds",
+                metavar="PATH",
+                help="The unpacked BARN dataset, for task barn, or the JSON file of DynaBARN.",
             ),
             click.option(
                 "--robot", metavar="NAME|FILE", help="A robot by name (pm01, jackal) or its YAML."

@@ -49,11 +49,11 @@ class TaskConfig(FrozenModel):
 
     name: str
     suite: str
-    """Where the worlds come from: a generator's name, ``map`` or ``barn``."""
+    """Where the worlds come from: a generator's name, ``map``, ``barn`` or ``dynabarn``."""
     map: str | None = None
     """The world to drive in, for the suite ``map``: a ROS map's .yaml, our YAML, or SDF."""
     worlds: str | None = None
-    """The folder of the BARN dataset, for the suite ``barn``."""
+    """The folder of the BARN dataset, or the file of the DynaBARN worlds, for those suites."""
     num_worlds: Annotated[int, Field(ge=1, le=65536)] = 1024
     """Worlds to generate for training."""
     robot: str = "pm01"

@@ -185,3 +185,9 @@ def barn_like() -> TaskConfig:
 def barn() -> TaskConfig:
     """The BARN dataset (``--worlds DIR``), for testing only."""
     return _barn("barn")
+
+
+@task
+def dynabarn() -> TaskConfig:
+    """The DynaBARN worlds (``--worlds FILE.json``) of moving discs, for testing only."""
+    return _barn("dynabarn")

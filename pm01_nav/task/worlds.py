@@ -8,13 +8,14 @@ from typing import Literal
 from pm01_nav.errors import InputError
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.worlds.barn import load_barn
+from pm01_nav.worlds.dynabarn import read_dynabarn
 from pm01_nav.worlds.files import read_world
 from pm01_nav.worlds.pool import WorldPool, build_pool
 from pm01_nav.worlds.pool_cache import suite_pool
 from pm01_nav.worlds.suites import SUITES
 
 Split = Literal["train", "held_out"]
-FILE_SUITES = ("map", "barn")
+FILE_SUITES = ("map", "barn", "dynabarn")
 SEEDS_PER_RUN = 1 << 20
 """World seeds set aside for each run seed, so that no two runs share worlds."""
 
@@ -34,6 +35,11 @@ def world_pool(config: TaskConfig, split: Split, count: int, seed: int = 0) -> W
     if config.suite == "barn":
         inscribed = config.robot_spec().footprint.inscribed_radius
         return build_pool(load_barn(_required(config.worlds, "worlds")).worlds, inscribed)
+    if config.suite == "dynabarn":
+        inscribed = config.robot_spec().footprint.inscribed_radius
+        worlds = read_dynabarn(_required(config.worlds, "worlds"))
+        # As in the challenge, each run begins at the beginning of the obstacles' tracks.
+        return build_pool(worlds, inscribed, random_phase=False)
     if config.suite not in SUITES:
         allowed = ", ".join(sorted([*SUITES, *FILE_SUITES]))
         raise InputError(f"suite = {config.suite!r}: unknown; allowed: {allowed}")

@@ -272,8 +272,8 @@ def _environments(config: RunConfig) -> tuple[NavigationBatch, Curriculum]:
         InputError: worlds or robot are unusable, or the curriculum does not fit the worlds.
     """
     task = config.task
-    if task.suite == "barn":
-        raise InputError("task barn is for testing only; train on barn_like")
+    if task.suite in ("barn", "dynabarn"):
+        raise InputError(f"task {task.suite} is for testing only; train on barn_like")
     pool = world_pool(task, "train", task.num_worlds, config.train.seed)
     batch = NavigationBatch(task, pool, config.train.ppo.n_envs)
     names = [world.name for world in pool.worlds]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields
 
 import numpy as np
@@ -186,3 +187,32 @@ def test_episodes_end_alike_alone_and_beside_others() -> None:
         assert together.collision[k] == step.collided[0]
         assert together.path_length[k] == pytest.approx(length)
         assert together.min_clearance[k] == pytest.approx(nearest)
+
+
+@pytest.fixture
+def dynabarn(tmp_path):
+    """Return the task of one DynaBARN world whose only disc moves far from the straight way."""
+    file = {
+        "radius": 0.3,
+        "walls_cx_cy_sx_sy": [[0.0, 6.0, 24.0, 0.2], [0.0, -6.0, 24.0, 0.2]],
+        "start": [11.0, 0.0, 3.141592653589793],
+        "goal": [-9.0, 0.0],
+        "worlds": [{"id": 300, "obstacles": ["far"]}],
+        "trajectories": {"far": [[0, -5, 4], [5, 5, 4], [10, -5, 4]]},
+    }
+    path = tmp_path / "dynabarn.json"
+    path.write_text(json.dumps(file), encoding="utf-8")
+    return resolve_task("dynabarn", {"worlds": str(path)})
+
+
+def test_dynabarn_scores_with_the_true_length_and_as_published(dynabarn: TaskConfig) -> None:
+    planner = make_planner("goal_seeking", dynabarn.robot_spec(), dynabarn.control_dt)
+    summary = Evaluator(dynabarn, 2, 0).summary(planner)
+    assert summary["success_rate"] == 1.0
+    # 19 m to the goal's radius of 1 m at 2 m/s: about 9.5 s and what the start takes, less than
+    # twice the 10 s that 20 m take. 10 / 20, and 10 / 40 by the rule of 2022.
+    assert 9.4 <= summary["time_to_goal_s"] <= 10.5
+    assert summary["barn_score_2024"] == pytest.approx(0.5)
+    assert summary["barn_score_2022"] == pytest.approx(0.25)
+    assert summary["dynabarn_score_as_published"] == pytest.approx(0.125)
+    assert summary["barn_worlds"] == 1
