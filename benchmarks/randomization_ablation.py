@@ -65,21 +65,20 @@ def summarize(runs: list[dict[str, Any]]) -> dict[str, dict[str, dict[str, float
 
 
 def plot(runs: list[dict[str, Any]], path: str, title: str) -> None:
-    """Draw the mean success by robot as bars, and each seed as a dot."""
+    """Draw the mean part of failed episodes by robot as bars, and each seed as a dot."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.0, 4.0), dpi=120, layout="constrained")
     axes = figure.subplots()
     for k, trained in enumerate(dict.fromkeys(run["trained"] for run in runs)):
         own = [run["robots"] for run in runs if run["trained"] == trained]
-        rates = np.array([[r[robot]["success_rate"] for robot in ROBOTS] for r in own]) * 100.0
+        rates = np.array([[1.0 - r[robot]["success_rate"] for robot in ROBOTS] for r in own]) * 100
         places = np.arange(len(ROBOTS)) + 0.36 * (k - 0.5)
         axes.bar(places, rates.mean(axis=0), 0.34, color=COLORS[trained], alpha=0.75, label=trained)
         axes.plot(np.tile(places, (len(own), 1)).T, rates.T, ".", color="#3a4456", markersize=4)
     axes.set_xticks(range(len(ROBOTS)), list(ROBOTS))
     axes.set_xlabel("robot that drives")
-    axes.set_ylabel("success on held-out worlds [%]")
-    axes.set_ylim(0.0, 100.0)
+    axes.set_ylabel("failed episodes on held-out worlds [%]")
     axes.set_title(title, loc="left", fontsize=10)
     axes.legend(
         title="randomization\nin training",
