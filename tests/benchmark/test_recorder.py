@@ -64,7 +64,7 @@ def test_turns_to_the_other_side_are_counted_whatever_lies_between() -> None:
 
 
 def test_personal_space() -> None:
-    # A pedestrian of radius 0.3 m goes to and fro between x = 9 and x = 13, far from the robot.
+    # A pedestrian of radius 0.3 m goes back and forth between x = 9 and x = 13, far from the robot.
     route = np.array([[9.0, 5.0], [13.0, 5.0]])
     walker = Mover("pedestrian", 0.3, route, speed=1.0)
     far = World("far", BOUNDS, segments=WALL, movers=(walker,))
