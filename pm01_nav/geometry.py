@@ -28,6 +28,18 @@ def to_frame(points: Array, pose: Array) -> Array:
     return np.stack([forward, left], axis=-1)
 
 
+def to_world(points: NDArray[np.floating], pose: NDArray[np.floating]) -> Array:
+    """Return points in the frame of ``pose`` as points in the world: the inverse of ``to_frame``.
+
+    ``points`` (..., 2) [m] and ``pose`` (..., 3) [m, m, rad] broadcast; returns (..., 2) [m].
+    """
+    points, pose = np.asarray(points), np.asarray(pose)
+    cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    x = pose[..., 0] + cos * points[..., 0] - sin * points[..., 1]
+    y = pose[..., 1] + sin * points[..., 0] + cos * points[..., 1]
+    return np.stack([x, y], axis=-1)
+
+
 def after_twist(pose: Array, twist: Array, dt: float) -> Array:
     """Return poses (..., 3) [m, m, rad] after ``dt`` [s] on an arc of constant twist.
 

@@ -17,7 +17,7 @@ START_RADIUS = 0.1
 TURNING = 0.2
 """A robot turns to a side if it does so faster than this [rad/s]."""
 PERSONAL_SPACE = 0.5
-"""No pedestrian should come nearer to the footprint than this [m]."""
+"""No pedestrian should come nearer to the circle around the footprint than this [m]."""
 
 FloatArray = NDArray[np.float64]
 
@@ -46,8 +46,8 @@ class EpisodeResults:
     """How often the robot turns to the other side: from w > 0.2 rad/s to w < -0.2 rad/s or back,
     whatever lies between, per minute of driving [1/min]."""
     intrusion: FloatArray
-    """Share of the steps with a pedestrian within 0.5 m of the footprint, 1 minus the personal
-    space compliance of Francis et al. 2023 (arXiv:2306.16740); NaN without pedestrians."""
+    """Share of the steps with a pedestrian within 0.5 m of the circle around the footprint, 1 minus
+    the personal space compliance of Francis et al. 2023 (arXiv:2306.16740); NaN without pedestrians."""
 
 
 @dataclass

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.compilation import compiled
-from pm01_nav.planners.rolling_costmap import reading
 from pm01_nav.robot import RobotSpec
 
 FloatArray = NDArray[np.float64]
@@ -26,10 +25,10 @@ class DistanceFields:
         self.half = int(np.ceil(reach / RESOLUTION))
         lidar = robot.lidar
         self._beams = np.stack([np.cos(lidar.angles + lidar.yaw), np.sin(lidar.angles + lidar.yaw)])
-        self._mount = (lidar.x, lidar.y, lidar.range_min)
+        self._mount = (lidar.x, lidar.y)
 
     def __call__(self, scan: FloatArray) -> NDArray[np.float32]:
-        """Return distances [m] for scans (n, num_beams) by REP-117 [m], shape (n, 2 h, 2 h).
+        """Return distances [m] for clean scans (n, num_beams) [m], shape (n, 2 h, 2 h).
 
         Row r and column c are around x = (c + 0.5 - h) cells, y = (r + 0.5 - h) cells. Where
         nothing is near the distance is that to the far end of the field, or more.
@@ -51,8 +50,8 @@ def _measure(scan, beams, mount, fields, work):
             for c in range(side):
                 fields[i, r, c] = far
         for k in range(scan.shape[1]):
-            length = reading(scan[i, k], mount[2])
-            if length < 0.0 or length == np.inf:
+            length = scan[i, k]
+            if length == np.inf:
                 continue
             column = int(np.floor((mount[0] + length * beams[0, k]) / RESOLUTION + side // 2))
             row = int(np.floor((mount[1] + length * beams[1, k]) / RESOLUTION + side // 2))

@@ -18,6 +18,8 @@ from pm01_nav.config import FrozenModel
 from pm01_nav.planners.distance_field import DistanceFields, distance_at
 from pm01_nav.planners.guided import GuidedPlanner, GuideParams, Situation
 from pm01_nav.robot import RobotSpec
+from pm01_nav.sim.collision import polar
+from pm01_nav.sim.dynamics import arc
 
 FloatArray = NDArray[np.float64]
 
@@ -126,14 +128,12 @@ def _judge(fields, carrot, i, v, w, limits, arcs, weights):
     """Return how good an arc is, minus infinity if the robot could not stop before an obstacle."""
     radius, _, horizon, steps, clearance_limit, reaction = arcs
     dt = horizon / steps
-    x = y = yaw = 0.0
+    x = y = sin = 0.0
+    cos = 1.0
     start = distance_at(fields, i, 0.0, 0.0)
     least = start
     for k in range(steps):
-        yaw += 0.5 * w * dt
-        x += v * dt * np.cos(yaw)
-        y += v * dt * np.sin(yaw)
-        yaw += 0.5 * w * dt
+        x, y, cos, sin = arc(x, y, cos, sin, v, w, dt)
         here = distance_at(fields, i, x, y)
         least = min(least, here)
         if here < radius and here <= start:
@@ -142,11 +142,9 @@ def _judge(fields, carrot, i, v, w, limits, arcs, weights):
             if v > np.sqrt(2.0 * way * limits[2]) or k == 0:
                 return -np.inf
             break
-    dx, dy = carrot[i, 0] - x, carrot[i, 1] - y
-    turn = np.arctan2(dy, dx) - yaw
-    turn = abs(np.arctan2(np.sin(turn), np.cos(turn)))
     before = np.sqrt(carrot[i, 0] * carrot[i, 0] + carrot[i, 1] * carrot[i, 1])
-    progress = (before - np.sqrt(dx * dx + dy * dy)) / (limits[0] * horizon)
+    away, bearing = polar(carrot[i, 0] - x, carrot[i, 1] - y, cos, sin)
+    progress = (before - away) / (limits[0] * horizon)
     clear = min(max(least - radius, 0.0) / clearance_limit, 1.0)
-    score = weights[0] * (1.0 - turn / np.pi) + weights[1] * progress
+    score = weights[0] * (1.0 - abs(bearing) / np.pi) + weights[1] * progress
     return score + weights[2] * clear + weights[3] * v / limits[0]

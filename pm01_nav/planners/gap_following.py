@@ -8,17 +8,21 @@ Autonomous Systems 60 (9), 2012. It needs neither a map nor a memory.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import Field
 
 from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
-from pm01_nav.planners.rolling_costmap import reading
+from pm01_nav.planners.polar import PolarView, turn_to
+from pm01_nav.planners.scan_planner import ScanPlanner, clean_ranges
 from pm01_nav.robot import RobotSpec
 
 FloatArray = NDArray[np.float64]
-DIRECTIONS = 180
-"""Directions that are looked at, evenly around the robot."""
+SECTORS = 180
+"""Sectors that are looked at, evenly around the robot."""
+SIZE = 2.0 * np.pi / SECTORS
+AHEAD = 8
+"""So many sectors to either side lie ahead."""
 
 
 class GapFollowingParams(FrozenModel):
@@ -42,15 +46,14 @@ class GapFollowingParams(FrozenModel):
     """Of the robot's greatest."""
 
 
-class GapFollowing:
+class GapFollowing(ScanPlanner):
     """Steer into gaps, by the present scan alone."""
 
     def __init__(self, robot: RobotSpec, control_dt: float, params: GapFollowingParams) -> None:
         """Drive a robot; ``control_dt`` [s] does not matter."""
-        self.robot, self.params = robot, params
-        lidar = robot.lidar
-        self._directions = lidar.angles + lidar.yaw
-        self._mount = (lidar.x, lidar.y, lidar.range_min)
+        super().__init__(robot)
+        self.params = params
+        self._view = PolarView(robot, SECTORS, params.safety)
 
     def reset(self) -> None:
         """Do nothing: there is no memory."""
@@ -58,48 +61,16 @@ class GapFollowing:
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Do nothing: there is no memory."""
 
-    def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> FloatArray:
-        """Return (v, w) [m/s, rad/s]; see ``Policy.act``."""
-        goal = np.asarray(goal, dtype=np.float64)
-        goals = goal.reshape(-1, 2)
-        scans = np.asarray(scan, dtype=np.float64).reshape(len(goals), -1)
+    def plan(self, scan: NDArray[np.float32], goal: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Turn to the gap; slower the less is free ahead."""
         params, limits = self.params, self.robot.limits
-        radius = self.robot.footprint.circumscribed_radius + params.safety
-        free = np.empty((len(goals), DIRECTIONS))
-        _look_around(free, scans, self._directions, self._mount, radius)
-        direction = np.zeros(len(goals))
-        _choose(free, goals, (params.reach, params.gap_weight, params.field_of_view), direction)
-        angular = np.clip(params.turn_gain * direction, -limits.angular_max, limits.angular_max)
-        middle = DIRECTIONS // 2
-        ahead = free[:, middle - 8 : middle + 9].min(axis=1) - radius
-        speed = np.clip(ahead / params.slow_distance, params.least_speed, 1.0)
-        speed *= np.maximum(1.0 - np.abs(direction) / params.rotate_angle, 0.0)
-        return np.stack([limits.linear_max * speed, angular], axis=-1).reshape(goal.shape)
-
-
-@compiled
-def _look_around(free, scan, directions, mount, radius):
-    """Write how far the centre of a disc of ``radius`` [m] is free in each direction [m].
-
-    Each return closes the directions in which the disc would touch it; direction 0 is behind.
-    """
-    count = free.shape[1]
-    for i in range(scan.shape[0]):
-        for k in range(count):
-            free[i, k] = np.inf
-        for k in range(scan.shape[1]):
-            length = reading(scan[i, k], mount[2])
-            if length < 0.0 or length == np.inf:
-                continue
-            x = mount[0] + length * np.cos(directions[k])
-            y = mount[1] + length * np.sin(directions[k])
-            distance = np.sqrt(x * x + y * y)
-            half = np.arcsin(min(radius / max(distance, 1e-6), 1.0))
-            middle = np.arctan2(y, x)
-            first = int(np.ceil((middle - half + np.pi) / (2.0 * np.pi) * count))
-            last = int(np.floor((middle + half + np.pi) / (2.0 * np.pi) * count))
-            for s in range(first, last + 1):
-                free[i, s % count] = min(free[i, s % count], distance)
+        free = self._view(clean_ranges(scan, self.geometry))
+        direction = np.zeros(len(goal))
+        _choose(free, goal, (params.reach, params.gap_weight, params.field_of_view), direction)
+        middle = SECTORS // 2
+        ahead = free[:, middle - AHEAD : middle + AHEAD].min(axis=1) - self._view.radius
+        speed = limits.linear_max * np.clip(ahead / params.slow_distance, params.least_speed, 1.0)
+        return turn_to(direction, speed, limits, params.turn_gain, params.rotate_angle)
 
 
 @compiled
@@ -109,30 +80,30 @@ def _choose(free, goals, settings, direction):
     Without a gap it turns to the left.
     """
     reach, weight, view = settings
-    count = free.shape[1]
-    size = 2.0 * np.pi / count
     for i in range(free.shape[0]):
         away = np.sqrt(goals[i, 0] ** 2 + goals[i, 1] ** 2)
         bearing = np.arctan2(goals[i, 1], goals[i, 0])
         limit = min(reach, away)
-        straight = int(np.round((bearing + np.pi) / size)) % count
-        nearest = np.inf
-        for k in range(count):
-            nearest = min(nearest, free[i, k])
+        straight = int((bearing + np.pi) / SIZE) % SECTORS
+        length, middle = _widest_gap(free, i, limit, view)
         if free[i, straight] >= limit:
             direction[i] = bearing
-            continue
-        begin, end = int((np.pi - view) / size), int((np.pi + view) / size)
-        best, middle = 0, np.pi
-        length = 0
-        for k in range(max(begin, 0), min(end, count - 1) + 1):
-            length = length + 1 if free[i, k] >= limit else 0
-            if length > best:
-                best, middle = length, (k - 0.5 * (length - 1)) * size - np.pi
-        if best == 0:
+        elif length == 0:
             direction[i] = np.pi / 2.0
         elif abs(bearing) > view:
             direction[i] = middle
         else:
-            ratio = weight / max(nearest, 1e-3)
+            ratio = weight / max(free[i].min(), 1e-3)
             direction[i] = (ratio * middle + bearing) / (ratio + 1.0)
+
+
+@compiled
+def _widest_gap(free, i, limit, view):
+    """Return the widest gap within ``view`` [rad] of the heading: its sectors, its middle [rad]."""
+    begin, end = int((np.pi - view) / SIZE), int((np.pi + view) / SIZE)
+    best, middle, length = 0, 0.0, 0
+    for k in range(max(begin, 0), min(end, SECTORS - 1) + 1):
+        length = length + 1 if free[i, k] >= limit else 0
+        if length > best:
+            best, middle = length, (k + 1 - 0.5 * length) * SIZE - np.pi
+    return best, middle

@@ -3,17 +3,18 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import Field
 
 from pm01_nav.config import FrozenModel
 from pm01_nav.errors import InputError
-from pm01_nav.geometry import to_frame
+from pm01_nav.geometry import to_frame, to_world
 from pm01_nav.planners.rolling_costmap import CostmapParams, RollingCostmap
+from pm01_nav.planners.scan_planner import ScanPlanner, clean_ranges
 from pm01_nav.robot import RobotSpec
 from pm01_nav.worlds.global_plan import Costmap, GlobalPlan, plan_path
 
@@ -42,16 +43,14 @@ class Situation:
     """What a local planner decides by; one row a robot, all in base_link."""
 
     scan: FloatArray
-    """Ranges by REP-117 [m], shape (n, num_beams)."""
-    goal: FloatArray
-    """x forward, y left [m], shape (n, 2)."""
+    """Clean ranges [m] (``clean_ranges``), shape (n, num_beams)."""
     carrot: FloatArray
     """A point some way ahead on the plan to the goal [m], shape (n, 2)."""
     velocity: FloatArray
     """Measured v, w [m/s, rad/s], shape (n, 2)."""
 
 
-class GuidedPlanner(ABC):
+class GuidedPlanner(ScanPlanner):
     """Plan with A* on a rolling costmap, and leave the next command to a subclass.
 
     The planner remembers n robots from the first call after ``reset`` on; a call with another
@@ -65,7 +64,8 @@ class GuidedPlanner(ABC):
 
         ``look_ahead`` [m] is how far ahead on the plan the carrot lies.
         """
-        self.robot, self.control_dt = robot, control_dt
+        super().__init__(robot)
+        self.control_dt = control_dt
         self._guide, self._look_ahead = guide, look_ahead
         self._map: RollingCostmap | None = None
         self._plans: list[GlobalPlan | None] = []
@@ -80,41 +80,32 @@ class GuidedPlanner(ABC):
         self._map = None
 
     def keep(self, robots: NDArray[np.int64]) -> None:
-        """Go on with these of the robots only."""
-        if self._map is not None:
-            self._map.keep(robots)
-            self._plans = [self._plans[i] for i in robots]
-            self._age = self._age[robots]
-
-    def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> FloatArray:
-        """Return (v, w) [m/s, rad/s]; see ``Policy.act``."""
-        goal = np.asarray(goal, dtype=np.float64)
-        goals = goal.reshape(-1, 2)
-        scans = np.asarray(scan, dtype=np.float64).reshape(len(goals), -1)
-        velocities = np.broadcast_to(np.asarray(velocity, dtype=np.float64), goal.shape)
-        velocities = velocities.reshape(-1, 2)
-        if self._map is None or len(self._plans) != len(goals):
-            self._begin(len(goals))
+        """Go on with these of the robots only; there must have been a call of ``act``."""
         assert self._map is not None
-        self._map.observe(scans, velocities)
-        carrots = self._carrots(self._map, goals)
-        situation = Situation(scans, goals, carrots, velocities)
-        return self.command(situation).reshape(goal.shape)
+        self._map.keep(robots)
+        self._plans = [self._plans[i] for i in robots]
+        self._age = self._age[robots]
 
-    def _begin(self, count: int) -> None:
+    def begin(self, count: int) -> None:
+        """Begin the memory of ``count`` robots; a subclass adds its own."""
         self._map = RollingCostmap(self.robot, self.control_dt, count, self._guide.costmap)
         self._plans = [None] * count
         self._age = np.zeros(count, dtype=np.int64)
 
+    def plan(self, scan: NDArray[np.float32], goal: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Follow the robots, plan where it is time to, and ask the subclass for commands."""
+        if self._map is None or len(self._plans) != len(goal):
+            self.begin(len(goal))
+        assert self._map is not None
+        self._map.observe(scan, velocity)
+        clean = clean_ranges(scan, self.geometry)
+        return self.command(Situation(clean, self._carrots(self._map, goal), velocity))
+
     def _carrots(self, maps: RollingCostmap, goals: FloatArray) -> FloatArray:
         """Return the carrots in base_link [m], shape (n, 2)."""
-        poses = maps.pose
-        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        x = poses[:, 0] + cos * goals[:, 0] - sin * goals[:, 1]
-        y = poses[:, 1] + sin * goals[:, 0] + cos * goals[:, 1]
-        targets = np.stack([x, y], axis=-1)
-        points = np.array([self._point(maps, i, targets[i]) for i in range(len(goals))])
-        return to_frame(points.reshape(-1, 2), poses)
+        targets = to_world(goals, maps.pose)
+        points = np.array([self._point(maps, i, target) for i, target in enumerate(targets)])
+        return to_frame(points.reshape(-1, 2), maps.pose)
 
     def _point(self, maps: RollingCostmap, i: int, goal: FloatArray) -> FloatArray:
         """Return robot i's carrot in the frame of its odometry [m], shape (2,)."""

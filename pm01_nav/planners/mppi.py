@@ -2,8 +2,8 @@
 """Model predictive path integral control: the mean of many random futures, the better the heavier.
 
 G. Williams et al., "Information Theoretic MPC for Model-Based Reinforcement Learning", ICRA 2017.
-The terms of the cost are those of Nav2's MPPI controller: obstacles, path follow, path angle, goal
-and prefer forward.
+The terms of the cost are some of those of Nav2's MPPI controller: obstacles, path follow, path
+angle and prefer forward.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from pm01_nav.config import FrozenModel
 from pm01_nav.planners.distance_field import DistanceFields, distance_at
 from pm01_nav.planners.guided import GuidedPlanner, GuideParams, Situation
 from pm01_nav.robot import RobotSpec
+from pm01_nav.sim.collision import polar
+from pm01_nav.sim.dynamics import arc
 
 FloatArray = NDArray[np.float64]
 NOISE_SEED = 0
@@ -93,12 +95,11 @@ class MPPI(GuidedPlanner):
         self._noise = rng.standard_normal((params.rollouts, params.steps, 2))
         self._noise *= [params.linear_std, params.angular_std]
         self._std = np.array([params.linear_std, params.angular_std])
-        self._plan = np.zeros((0, params.steps, 2))
 
-    def reset(self) -> None:
-        """Forget maps and plans."""
-        super().reset()
-        self._plan = np.zeros((0, self.params.steps, 2))
+    def begin(self, count: int) -> None:
+        """Begin maps and plans; all commands are zero."""
+        super().begin(count)
+        self._plan = np.zeros((count, self.params.steps, 2))
 
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Go on with these of the robots only."""
@@ -107,9 +108,6 @@ class MPPI(GuidedPlanner):
 
     def command(self, situation: Situation) -> FloatArray:
         """Return the first commands of the improved plans."""
-        count = len(situation.carrot)
-        if len(self._plan) != count:
-            self._plan = np.zeros((count, self.params.steps, 2))
         _improve(
             self._plan,
             self._noise,
@@ -119,7 +117,7 @@ class MPPI(GuidedPlanner):
             np.ascontiguousarray(situation.velocity),
             self._limits,
             self._weights,
-            np.empty((count, self.params.rollouts)),
+            np.empty((len(self._plan), self.params.rollouts)),
         )
         command = self._plan[:, 0].copy()
         # The next step begins with what is left of the plan.
@@ -156,7 +154,8 @@ def _roll_out(plan, noise, std, fields, carrot, velocity, limits, weights, i, k)
     """Return the cost of one future of robot i."""
     v_min, v_max, w_max, v_change, w_change, dt = limits
     radius, collision, repulsion, distance = weights[0], weights[1], weights[2], weights[3]
-    x = y = yaw = cost = 0.0
+    x = y = sin = cost = 0.0
+    cos = 1.0
     v, w = velocity[i, 0], velocity[i, 1]
     start = distance_at(fields, i, 0.0, 0.0)
     steps = plan.shape[1]
@@ -165,10 +164,7 @@ def _roll_out(plan, noise, std, fields, carrot, velocity, limits, weights, i, k)
         w_aim = min(max(plan[i, t, 1] + noise[k, t, 1], -w_max), w_max)
         v += min(max(v_aim - v, -v_change), v_change)
         w += min(max(w_aim - w, -w_change), w_change)
-        yaw += 0.5 * w * dt
-        x += v * dt * np.cos(yaw)
-        y += v * dt * np.sin(yaw)
-        yaw += 0.5 * w * dt
+        x, y, cos, sin = arc(x, y, cos, sin, v, w, dt)
         here = distance_at(fields, i, x, y)
         if here < radius and here < start:
             cost += collision
@@ -178,9 +174,6 @@ def _roll_out(plan, noise, std, fields, carrot, velocity, limits, weights, i, k)
         change = plan[i, t, 0] * noise[k, t, 0] / (std[0] * std[0])
         change += plan[i, t, 1] * noise[k, t, 1] / (std[1] * std[1])
         cost += weights[7] * change
-    dx, dy = carrot[i, 0] - x, carrot[i, 1] - y
-    away = np.sqrt(dx * dx + dy * dy)
-    turn = np.arctan2(dy, dx) - yaw
-    turn = abs(np.arctan2(np.sin(turn), np.cos(turn)))
+    away, bearing = polar(carrot[i, 0] - x, carrot[i, 1] - y, cos, sin)
     # Near the point its direction says nothing.
-    return cost + weights[4] * away + weights[5] * turn * min(away / 0.3, 1.0)
+    return cost + weights[4] * away + weights[5] * abs(bearing) * min(away / 0.3, 1.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Regulated pure pursuit: slower in bends and close to obstacles, and never into them.
+"""Regulated pure pursuit: slower in bends and close to obstacles.
 
 S. Macenski et al., "Regulated Pure Pursuit for Robot Path Tracking", Autonomous Robots 47, 2023;
 the heuristics are those of Nav2's controller of that name.
@@ -16,6 +16,7 @@ from pm01_nav.planners.distance_field import DistanceFields, distance_at
 from pm01_nav.planners.guided import GuidedPlanner, Situation
 from pm01_nav.planners.pure_pursuit import PurePursuitParams, pursue
 from pm01_nav.robot import RobotSpec
+from pm01_nav.sim.dynamics import arc
 
 FloatArray = NDArray[np.float64]
 STEPS = 20
@@ -40,7 +41,7 @@ class RegulatedPurePursuitParams(PurePursuitParams):
 
 
 class RegulatedPurePursuit(GuidedPlanner):
-    """Follow the plan as fast as it is safe."""
+    """Follow the plan, slower where it is tight."""
 
     def __init__(
         self, robot: RobotSpec, control_dt: float, params: RegulatedPurePursuitParams
@@ -94,13 +95,11 @@ def _is_free(fields, i, command, scale, radius, duration):
     """Tell whether a disc of ``radius`` [m] can follow a slowed command for ``duration`` [s]."""
     dt = duration / STEPS
     v, w = scale * command[i, 0], scale * command[i, 1]
-    x = y = yaw = 0.0
+    x = y = sin = 0.0
+    cos = 1.0
     before = distance_at(fields, i, 0.0, 0.0)
     for _ in range(STEPS):
-        yaw += 0.5 * w * dt
-        x += v * dt * np.cos(yaw)
-        y += v * dt * np.sin(yaw)
-        yaw += 0.5 * w * dt
+        x, y, cos, sin = arc(x, y, cos, sin, v, w, dt)
         here = distance_at(fields, i, x, y)
         # A robot that is close already may move away.
         if here < radius and here < before:

@@ -15,7 +15,9 @@ from scipy import ndimage
 from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
 from pm01_nav.geometry import after_twist
+from pm01_nav.planners.scan_planner import clean_ranges
 from pm01_nav.robot import RobotSpec
+from pm01_nav.task.observation import scan_geometry
 from pm01_nav.worlds.free_space import FreeSpace
 from pm01_nav.worlds.global_plan import Costmap, inflate
 
@@ -51,11 +53,12 @@ class RollingCostmap:
         self._corner = np.full((count, 2), -(params.size // 2))
         self._radius = robot.footprint.circumscribed_radius + params.padding
         lidar = robot.lidar
-        self._mount = (lidar.x, lidar.y, lidar.yaw, lidar.range_min)
-        self._angles = lidar.angles
+        self._geometry = scan_geometry(lidar)
+        self._mount = (lidar.x, lidar.y)
+        self._angles = lidar.angles + lidar.yaw
         self._reach = min(lidar.range_max, params.obstacle_range)
 
-    def observe(self, scan: FloatArray, velocity: FloatArray) -> None:
+    def observe(self, scan: NDArray[np.float32], velocity: FloatArray) -> None:
         """Follow the robots by one control step and enter their scans.
 
         ``scan`` (n, num_beams): ranges by REP-117 [m]; ``velocity`` (n, 2) [m/s, rad/s] measured
@@ -66,8 +69,11 @@ class RollingCostmap:
             self.pose = after_twist(self.pose, mean, self._dt)
         self._velocity = velocity.copy()
         self._roll()
+        ranges = clean_ranges(scan, self._geometry)
+        # A beam that says nothing must not clear what an earlier one has seen.
+        ranges[np.isinf(ranges) & ~np.isposinf(scan)] = np.nan
         frame = (self.params.resolution, self._reach)
-        _enter(self._occupied, self._corner, self.pose, scan, self._angles, self._mount, frame)
+        _enter(self._occupied, self._corner, self.pose, ranges, self._angles, self._mount, frame)
 
     def _roll(self) -> None:
         """Move a map whose robot is nearer to its edge than to its middle."""
@@ -104,8 +110,8 @@ class RollingCostmap:
 
 
 @compiled
-def _enter(occupied, corner, pose, scan, angles, mount, frame):
-    """Clear the cells that the beams pass, then mark those in which they end."""
+def _enter(occupied, corner, pose, ranges, angles, mount, frame):
+    """Clear the cells that the beams pass, then mark those in which they end; NaN does neither."""
     resolution, reach = frame
     for i in range(pose.shape[0]):
         cos, sin = np.cos(pose[i, 2]), np.sin(pose[i, 2])
@@ -113,23 +119,14 @@ def _enter(occupied, corner, pose, scan, angles, mount, frame):
         y = (pose[i, 1] + sin * mount[0] + cos * mount[1]) / resolution - corner[i, 1]
         for marking in range(2):
             for k in range(angles.shape[0]):
-                length = reading(scan[i, k], mount[3])
-                if length < 0.0:
+                length = ranges[i, k]
+                if np.isnan(length):
                     continue
-                direction = pose[i, 2] + mount[2] + angles[k]
-                ux, uy = np.cos(direction), np.sin(direction)
+                ux, uy = np.cos(pose[i, 2] + angles[k]), np.sin(pose[i, 2] + angles[k])
                 if marking == 0:
                     _clear(occupied, i, x, y, ux, uy, min(length, reach) / resolution - 1.0)
                 elif length <= reach:
                     _mark(occupied, i, x + ux * length / resolution, y + uy * length / resolution)
-
-
-@compiled
-def reading(value, range_min):
-    """Return how far a beam got [m], infinity if nothing stopped it; -1 if it says nothing."""
-    if np.isnan(value) or 0.0 <= value < range_min:
-        return -1.0
-    return range_min if value < 0.0 else float(value)
 
 
 @compiled

@@ -15,8 +15,9 @@ from pydantic import Field
 from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
 from pm01_nav.planners.guided import GuidedPlanner, GuideParams, Situation
-from pm01_nav.planners.rolling_costmap import reading
+from pm01_nav.planners.polar import PolarView, turn_to
 from pm01_nav.robot import RobotSpec
+from pm01_nav.sim.dynamics import wrap
 
 FloatArray = NDArray[np.float64]
 
@@ -58,16 +59,14 @@ class VFH(GuidedPlanner):
         """Drive a robot that is commanded every ``control_dt`` [s]."""
         super().__init__(robot, control_dt, params.guide, params.look_ahead)
         self.params = params
-        lidar = robot.lidar
-        self._directions = lidar.angles + lidar.yaw
-        self._mount = (lidar.x, lidar.y, lidar.range_min)
-        self._blocked = np.zeros((0, params.sectors), dtype=np.bool_)
-        self._chosen = np.zeros(0)
+        self._view = PolarView(robot, params.sectors, params.safety)
+        self._weights = (params.target_weight, params.heading_weight, params.previous_weight)
 
-    def reset(self) -> None:
-        """Forget maps, plans and the last choices."""
-        super().reset()
-        self._blocked = self._blocked[:0]
+    def begin(self, count: int) -> None:
+        """Begin maps and plans; all sectors are free, and every robot heads straight on."""
+        super().begin(count)
+        self._blocked = np.zeros((count, self.params.sectors), dtype=np.bool_)
+        self._chosen = np.zeros(count)
 
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Go on with these of the robots only."""
@@ -76,56 +75,29 @@ class VFH(GuidedPlanner):
 
     def command(self, situation: Situation) -> FloatArray:
         """Turn to the best opening; slower the more is in the way."""
-        params, limits, count = self.params, self.robot.limits, len(situation.carrot)
-        if len(self._blocked) != count:
-            self._blocked = np.zeros((count, params.sectors), dtype=np.bool_)
-            self._chosen = np.zeros(count)
-        radius = self.robot.footprint.circumscribed_radius + params.safety
-        density = np.zeros(self._blocked.shape)
-        reach = (params.active_range, radius)
-        _fill(density, situation.scan, self._directions, self._mount, reach)
+        params, limits = self.params, self.robot.limits
+        density = self._density(self._view(situation.scan))
         self._blocked = np.where(
             self._blocked, density >= params.free_below, density > params.blocked_above
         )
         target = np.arctan2(situation.carrot[:, 1], situation.carrot[:, 0])
-        weights = (params.target_weight, params.heading_weight, params.previous_weight)
-        _steer(self._blocked, target, self._chosen, params.wide, weights)
+        _steer(self._blocked, target, self._chosen, params.wide, self._weights)
         ahead = density[:, params.sectors // 2 - 1 : params.sectors // 2 + 1].max(axis=1)
         speed = np.maximum(1.0 - ahead / params.blocked_above, params.least_speed)
-        direction = self._chosen
-        angular = np.clip(params.turn_gain * direction, -limits.angular_max, limits.angular_max)
-        speed = speed * np.maximum(1.0 - np.abs(direction) / params.rotate_angle, 0.0)
-        stuck = self._blocked.all(axis=1)
-        angular = np.where(stuck, limits.angular_max, angular)
-        return np.stack([np.where(stuck, 0.0, limits.linear_max * speed), angular], axis=-1)
+        speed *= limits.linear_max
+        command = turn_to(self._chosen, speed, limits, params.turn_gain, params.rotate_angle)
+        command[self._blocked.all(axis=1)] = (0.0, limits.angular_max)
+        return command
 
+    def _density(self, nearest: FloatArray) -> FloatArray:
+        """Return the primary histograms (n, sectors): 1 in contact, 0 from ``active_range`` on.
 
-@compiled
-def _fill(density, scan, directions, mount, reach):
-    """Enter the returns into the primary histograms; sector 0 begins behind the robot.
-
-    A return blocks the sectors under which a disc of the enlarged robot's radius around it is
-    seen. Of several the densest counts, so that the density does not depend on the beams' number.
-    """
-    sectors = density.shape[1]
-    active_range, radius = reach
-    for i in range(scan.shape[0]):
-        for k in range(scan.shape[1]):
-            length = reading(scan[i, k], mount[2])
-            if length < 0.0 or length == np.inf:
-                continue
-            x = mount[0] + length * np.cos(directions[k])
-            y = mount[1] + length * np.sin(directions[k])
-            distance = np.sqrt(x * x + y * y)
-            if distance >= active_range:
-                continue
-            here = max(1.0 - max(distance - radius, 0.0) / (active_range - radius), 0.0)
-            half = np.arcsin(min(radius / max(distance, 1e-6), 1.0))
-            middle = np.arctan2(y, x)
-            first = int(np.floor((middle - half + np.pi) / (2.0 * np.pi) * sectors))
-            last = int(np.floor((middle + half + np.pi) / (2.0 * np.pi) * sectors))
-            for s in range(first, last + 1):
-                density[i, s % sectors] = max(density[i, s % sectors], here)
+        Of several returns in a sector the nearest counts, so that the density does not depend on
+        the number of beams.
+        """
+        radius, reach = self._view.radius, self.params.active_range
+        gap = np.maximum(nearest - radius, 0.0)
+        return np.maximum(1.0 - gap / (reach - radius), 0.0)
 
 
 @compiled
@@ -135,40 +107,29 @@ def _steer(blocked, target, chosen, wide, weights):
     size = 2.0 * np.pi / sectors
     for i in range(blocked.shape[0]):
         best, direction = np.inf, target[i]
-        some = False
-        for s in range(sectors):
-            some = some or blocked[i, s]
-        if not some:
-            chosen[i] = target[i]
-            continue
         for s in range(sectors):
             if blocked[i, s] or not blocked[i, s - 1]:
-                continue
-            length = 1  # s is the right border of an opening.
+                continue  # s is not the right border of an opening.
+            length = 1
             while not blocked[i, (s + length) % sectors]:
                 length += 1
             right, left = (s + 0.5) * size - np.pi, (s + length - 0.5) * size - np.pi
-            for c in range(3):
-                if length < wide:
-                    candidate = 0.5 * (right + left)
-                elif c == 0:
-                    candidate = right + 0.5 * (wide - 1) * size
-                elif c == 1:
-                    candidate = left - 0.5 * (wide - 1) * size
-                else:
-                    candidate = target[i]
-                    offset = (candidate - right) % (2.0 * np.pi)
-                    if offset > left - right:
-                        continue
-                cost = weights[0] * apart(candidate, target[i])
-                cost += weights[1] * apart(candidate, 0.0)
-                cost += weights[2] * apart(candidate, chosen[i])
-                if cost < best:
-                    best, direction = cost, candidate
-        chosen[i] = (direction + np.pi) % (2.0 * np.pi) - np.pi
+            side = 0.5 * (wide - 1) * size if length >= wide else 0.5 * (left - right)
+            # A narrow opening has no other candidate than its middle.
+            third = target[i] if length >= wide else right + side
+            for candidate in (right + side, left - side, third):
+                if (candidate - right) % (2.0 * np.pi) <= left - right:
+                    cost = _price(candidate, target[i], chosen[i], weights)
+                    if cost < best:
+                        best, direction = cost, candidate
+        chosen[i] = wrap(direction)
 
 
 @compiled
-def apart(one, other):
-    """Return the angle between two directions [rad], 0 to pi."""
-    return abs((one - other + np.pi) % (2.0 * np.pi) - np.pi)
+def _price(candidate, target, previous, weights):
+    """Return what a direction costs by its angles to the target, the heading and the last choice.
+
+    Ulrich and Borenstein 1998, eq. 9.
+    """
+    cost = weights[0] * abs(wrap(candidate - target))
+    return cost + weights[1] * abs(wrap(candidate)) + weights[2] * abs(wrap(candidate - previous))

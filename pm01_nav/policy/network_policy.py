@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pm01_nav.errors import InputError
+from pm01_nav.policy.inputs import check_scan, finite_pair
 from pm01_nav.task.frames import FrameStack
 from pm01_nav.task.observation import (
     ObservationLayout,
@@ -61,12 +61,12 @@ class NetworkPolicy:
             InputError: a length is wrong, a range is negative, no range of a scan is valid, or
                 goal or velocity are not finite.
         """
-        ranges = self._check_scan(np.asarray(scan, dtype=np.float32))
-        goal = _finite_pair(goal, "goal")
+        ranges = check_scan(scan, self.layout.scan)
+        goal = finite_pair(goal, "goal")
         polar = np.stack(
             [np.hypot(goal[..., 0], goal[..., 1]), np.arctan2(goal[..., 1], goal[..., 0])], axis=-1
         )
-        velocity = np.broadcast_to(_finite_pair(velocity, "velocity"), goal.shape)
+        velocity = np.broadcast_to(finite_pair(velocity, "velocity"), goal.shape)
         if self._previous is None or self._previous.shape != goal.shape:
             self.reset()
             self._previous = np.zeros_like(goal)
@@ -102,25 +102,3 @@ class NetworkPolicy:
         if self._trail is None:
             self._trail = Trail(layout, self.control_dt, len(rows))
         return self._trail.follow(rows).reshape(*velocity.shape[:-1], layout.size)
-
-    def _check_scan(self, scan: NDArray[np.float32]) -> NDArray[np.float32]:
-        expected = self.layout.scan
-        if scan.ndim == 0 or scan.shape[-1] != expected.num_beams:
-            raise InputError(
-                f"scan has shape {scan.shape}: this policy needs {expected.num_beams} ranges, from "
-                f"{expected.angle_min:.4f} rad in steps of {expected.angle_increment:.5f} rad"
-            )
-        negative = np.isfinite(scan) & (scan < 0.0)
-        if negative.any():
-            at = tuple(int(i) for i in np.argwhere(negative)[0])
-            raise InputError(f"scan[{at[-1]}] = {scan[at]:g}: a range must not be negative")
-        if np.isnan(scan).all(axis=-1).any():
-            raise InputError("scan: every range is NaN; at least one must be valid")
-        return scan
-
-
-def _finite_pair(value: ArrayLike, name: str) -> NDArray[np.float64]:
-    pair = np.asarray(value, dtype=np.float64)
-    if pair.ndim == 0 or pair.shape[-1] != 2 or not np.isfinite(pair).all():
-        raise InputError(f"{name} = {value!r}: must be two finite numbers")
-    return pair

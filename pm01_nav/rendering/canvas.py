@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
-from pm01_nav.geometry import rectangle
+from pm01_nav.geometry import rectangle, to_world
 from pm01_nav.rendering.scene import (
     CAPTION_HEIGHT,
     MARGIN,
@@ -21,7 +21,6 @@ from pm01_nav.rendering.scene import (
     fit,
     layout_unit,
     picture_size,
-    to_world,
 )
 from pm01_nav.robot import RobotSpec
 from pm01_nav.worlds.world import OccupancyGrid, World

@@ -63,12 +63,6 @@ class View:
         return View(self.scale * factor, (x * factor, y * factor))
 
 
-def to_world(points: FloatArray, pose: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return points (..., 2) in the frame of one ``pose`` (3,) as points in the world [m]."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    return points @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]
-
-
 def layout_unit(size: Size) -> float:
     """Return the size of one unit of the layout [px] in a picture of (width, height) [px]."""
     return max(size) / REFERENCE_SIDE

@@ -10,19 +10,10 @@ import numpy as np
 
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.views import listed, view_cell
+from pm01_nav.worlds.segments import point_to_segment
 
 GRID_EXACT_DISTANCE = 0.5
 """Up to this clearance [m] the distance to a grid is exact, beyond it to a cell's diagonal."""
-
-
-@compiled
-def point_to_segment(px, py, x1, y1, x2, y2):
-    """Return the distance from a point to a segment [m]."""
-    ex, ey = x2 - x1, y2 - y1
-    along = ((px - x1) * ex + (py - y1) * ey) / max(ex * ex + ey * ey, 1e-18)
-    along = min(max(along, 0.0), 1.0)
-    dx, dy = px - x1 - along * ex, py - y1 - along * ey
-    return np.sqrt(dx * dx + dy * dy)
 
 
 @compiled(inline=False)

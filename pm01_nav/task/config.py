@@ -14,7 +14,7 @@ from pm01_nav.robot import NonNegative, Positive, RobotSpec, load_robot
 from pm01_nav.sim.state import PedestrianModel
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
-from pm01_nav.task.observation import ObservationLayout, ScanGeometry
+from pm01_nav.task.observation import ObservationLayout, scan_geometry
 from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.trail import TrailLayout
@@ -131,13 +131,7 @@ def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayou
     lidar, limits = robot.lidar, robot.limits
     range_max = min(lidar.range_max, seen.range_max or lidar.range_max)
     return ObservationLayout(
-        scan=ScanGeometry(
-            num_beams=lidar.num_beams,
-            angle_min=lidar.angle_min,
-            angle_increment=lidar.angle_increment,
-            range_min=lidar.range_min,
-            range_max=range_max,
-        ),
+        scan=scan_geometry(lidar, range_max),
         limits=ActionLimits(limits.linear_min, limits.linear_max, limits.angular_max),
         sectors=seen.sectors,
         nearness_distance=seen.nearness_distance,

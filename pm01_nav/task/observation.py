@@ -11,12 +11,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from pm01_nav.errors import InputError
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.trail import TrailLayout
+
+if TYPE_CHECKING:
+    from pm01_nav.robot import Lidar
 
 
 class Part(NamedTuple):
@@ -47,6 +50,17 @@ class ScanGeometry:
     """[m]"""
     range_max: float
     """[m]"""
+
+
+def scan_geometry(lidar: Lidar, range_max: float | None = None) -> ScanGeometry:
+    """Return how a robot's lidar looks around, as far as it does or only to ``range_max`` [m]."""
+    return ScanGeometry(
+        num_beams=lidar.num_beams,
+        angle_min=lidar.angle_min,
+        angle_increment=lidar.angle_increment,
+        range_min=lidar.range_min,
+        range_max=lidar.range_max if range_max is None else range_max,
+    )
 
 
 @dataclass(frozen=True)

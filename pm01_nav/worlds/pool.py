@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.free_space import FreeSpace, distance_to_occupied, free_space
 from pm01_nav.worlds.mover_arrays import pack_movers
-from pm01_nav.worlds.views import Views, list_views
+from pm01_nav.worlds.views import Views, list_everything, list_views
 from pm01_nav.worlds.world import OccupancyGrid, World
 
 FloatArray = NDArray[np.float64]
@@ -319,7 +319,7 @@ def _pack(worlds: Sequence[World], places: Sequence[Places], random_phase: bool)
         jitter=np.array([p.jitter for p in places]),
         cumulative_weight=np.arange(1, len(worlds) + 1) / len(worlds),
         **pack_movers(worlds, random_phase=random_phase)._asdict(),
-        **list_views(worlds, 0.0)._asdict(),
+        **list_everything(segment_begin, disc_begin)._asdict(),
     )
 
 

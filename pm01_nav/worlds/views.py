@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.compilation import compiled
 from pm01_nav.worlds.polygon import signed_area
+from pm01_nav.worlds.segments import point_to_segment
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -55,11 +56,21 @@ class Views(NamedTuple):
     seen_disc_begin: IntArray
 
 
-def list_views(worlds: Sequence[World], view_range: float) -> Views:
-    """List for each cell of each world what may be seen from there.
+def list_everything(segment_begin: IntArray, disc_begin: IntArray) -> Views:
+    """List all obstacles of each world in its only cell, for who does not know how far one sees.
 
-    With ``view_range`` [m] zero there is but one cell, in which everything is listed.
+    ``segment_begin``, ``disc_begin`` (num_worlds + 1,) are those of ``WorldArrays``.
     """
+    worlds = len(segment_begin) - 1
+    segments, discs = (np.arange(b[-1], dtype=np.int32) for b in (segment_begin, disc_begin))
+    first_cells = np.arange(worlds)
+    return Views(
+        0.0, np.zeros((worlds, 5)), first_cells, segments, segment_begin, discs, disc_begin
+    )
+
+
+def list_views(worlds: Sequence[World], view_range: float) -> Views:
+    """List for each cell of each world what may be seen from there, up to ``view_range`` [m]."""
     frames = np.zeros((len(worlds), 5))
     begin = np.zeros(len(worlds), dtype=np.int64)
     segments, discs = _Lists(), _Lists()
@@ -69,7 +80,7 @@ def list_views(worlds: Sequence[World], view_range: float) -> Views:
         obstacles = np.ascontiguousarray(world.discs)
         segments.add(np.arange(len(solid)), [len(solid)])
         discs.add(np.arange(len(obstacles)), [len(obstacles)])
-        if view_range > 0.0 and len(solid) + len(obstacles) > 0:
+        if len(solid) + len(obstacles) > 0:
             frames[w] = _frame(world, len(solid) + len(obstacles))
             seen = _look_around(solid, one_sided, obstacles, frames[w], view_range)
             segments.add(seen[0], seen[1])
@@ -189,7 +200,9 @@ def _facing(segments, one_sided, area, view_range, near, hiders, distances):
     reach = view_range + 0.5 * np.sqrt(wide * wide + high * high)
     count = tried = 0
     for k in range(segments.shape[0]):
-        away = _to_segment(x, y, segments, k)
+        away = point_to_segment(
+            x, y, segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3]
+        )
         if away > reach:
             continue
         to_left, to_right = _reaches(segments, k, area)
@@ -207,16 +220,6 @@ def _facing(segments, one_sided, area, view_range, near, hiders, distances):
                 slot -= 1
             distances[slot], hiders[slot] = away, k
     return count, tried
-
-
-@compiled
-def _to_segment(x, y, segments, k):
-    """Return the distance from a point to a segment [m]."""
-    ex, ey = segments[k, 2] - segments[k, 0], segments[k, 3] - segments[k, 1]
-    dx, dy = x - segments[k, 0], y - segments[k, 1]
-    along = min(max((dx * ex + dy * ey) / max(ex * ex + ey * ey, 1e-18), 0.0), 1.0)
-    dx, dy = dx - along * ex, dy - along * ey
-    return np.sqrt(dx * dx + dy * dy)
 
 
 @compiled

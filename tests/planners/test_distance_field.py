@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from pm01_nav.planners.distance_field import RESOLUTION, DistanceFields
+from pm01_nav.planners.scan_planner import clean_ranges
 from pm01_nav.robot import full_circle, load_robot
+from pm01_nav.task.observation import scan_geometry
 
 
 def robot(**lidar):
@@ -24,11 +26,12 @@ def test_every_cell_by_brute_force() -> None:
     scan[:, ::5] = np.inf
     scan[:, 1::7] = np.nan
     scan[0, 2] = -np.inf  # too close: as near as the lidar can see
-    found = fields(scan)
+    clean = clean_ranges(scan.astype(np.float32), scan_geometry(spec.lidar))
+    found = fields(clean)
     half = fields.half
     centres = (np.arange(2 * half) + 0.5 - half) * RESOLUTION
     angles = spec.lidar.angles + 0.3
-    for field, ranges in zip(found, scan, strict=True):
+    for field, ranges in zip(found, scan.astype(np.float32).astype(float), strict=True):
         ranges = np.where(ranges < 0, spec.lidar.range_min, ranges)
         x, y = 0.1 + ranges * np.cos(angles), -0.05 + ranges * np.sin(angles)
         cells = np.floor(np.stack([x, y]) / RESOLUTION)[:, np.isfinite(ranges)]

@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from pm01_nav.benchmark.evaluate import Evaluator, goal_in_base
 from pm01_nav.envs.spaces import resolve_task
+from pm01_nav.errors import InputError
 from pm01_nav.planners import PLANNERS, make_planner
+from pm01_nav.planners.scan_planner import clean_ranges
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.robot import load_robot
 from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.observation import scan_geometry
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.worlds.suites import SUITES
 from pm01_nav.worlds.world import World
@@ -60,7 +63,7 @@ def test_commands_keep_to_the_limits(planner: Policy) -> None:
     robot = load_robot("pm01")
     rng = np.random.default_rng(0)
     for _ in range(20):
-        scan = rng.choice([0.2, 0.5, 1.5, 3.0, np.inf, -np.inf, np.nan], (50, 360))
+        scan = rng.choice([0.2, 0.5, 1.5, 3.0, 9.0, np.inf, -np.inf, np.nan], (50, 360))
         goal, velocity = rng.uniform(-5, 5, (50, 2)), rng.uniform(-0.2, 0.5, (50, 2))
         command = planner.act(scan.astype(np.float32), goal, velocity)
         assert command.shape == (50, 2)
@@ -68,6 +71,30 @@ def test_commands_keep_to_the_limits(planner: Policy) -> None:
         assert (command[:, 0] >= robot.limits.linear_min - 1e-9).all()
         assert (command[:, 0] <= robot.limits.linear_max + 1e-9).all()
         assert (np.abs(command[:, 1]) <= robot.limits.angular_max + 1e-9).all()
+
+
+@pytest.mark.parametrize("name", AVOIDING)
+@pytest.mark.parametrize(
+    ("scan", "goal", "velocity", "message"),
+    [
+        (np.ones(359), (1.0, 0.0), (0.0, 0.0), "360 ranges"),
+        (np.full(360, np.nan), (1.0, 0.0), (0.0, 0.0), "every range is NaN"),
+        (np.full(360, -1.0), (1.0, 0.0), (0.0, 0.0), "must not be negative"),
+        (np.ones(360), (np.nan, 0.0), (0.0, 0.0), "goal"),
+        (np.ones(360), (1.0, 0.0), (np.inf, 0.0), "velocity"),
+    ],
+)
+def test_what_no_sensor_says_is_refused(name, scan, goal, velocity, message: str) -> None:
+    planner = make_planner(name, load_robot("pm01"), 0.1)
+    with pytest.raises(InputError, match=message):
+        planner.act(scan, goal, velocity)
+
+
+def test_a_clean_scan_by_rep_117() -> None:
+    geometry = scan_geometry(load_robot("pm01").lidar)  # 0.12 to 3.5 m
+    raw = np.array([0.5, np.inf, -np.inf, np.nan, 0.05, 3.6, 3.5], dtype=np.float32)
+    expected = [0.5, np.inf, 0.12, np.inf, np.inf, np.inf, 3.5]
+    assert clean_ranges(raw, geometry) == pytest.approx(expected)
 
 
 def settled(planner: Policy, goal) -> NDArray[np.float64]:

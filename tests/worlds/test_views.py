@@ -67,12 +67,14 @@ def test_thin_walls_are_seen_from_both_sides_and_only_within_range() -> None:
         assert listed(views, column, 3)[0] == ([0] if near else [])
 
 
-def test_without_a_range_one_cell_lists_everything() -> None:
+def test_a_pool_by_itself_lists_everything_in_one_cell_a_world() -> None:
     worlds = [SUITES["rooms"](np.random.default_rng(seed)) for seed in range(3)]
-    views = list_views(worlds, 0.0)
-    assert views.view_begin.tolist() == [0, 1, 2]
-    assert views.seen_segments.tolist() == list(range(sum(len(w.all_segments) for w in worlds)))
-    assert views.seen_discs.tolist() == list(range(sum(len(w.discs) for w in worlds)))
+    arrays = build_pool(worlds, radius=0.27).arrays
+    assert arrays.view_begin.tolist() == [0, 1, 2]
+    assert arrays.seen_segments.tolist() == list(range(len(arrays.segments)))
+    assert arrays.seen_segment_begin.tolist() == arrays.segment_begin.tolist()
+    assert arrays.seen_discs.tolist() == list(range(len(arrays.discs)))
+    assert arrays.seen_disc_begin.tolist() == arrays.disc_begin.tolist()
 
 
 def test_world_with_nothing_in_it() -> None:

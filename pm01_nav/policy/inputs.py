@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Refuse what no policy could drive by, whether it is learned or planned."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pm01_nav.errors import InputError
+from pm01_nav.task.observation import ScanGeometry
+
+
+def check_scan(scan: ArrayLike, expected: ScanGeometry) -> NDArray[np.float32]:
+    """Return raw ranges (..., num_beams) [m] as an array, if they are those of a lidar.
+
+    Raises:
+        InputError: a length is wrong, a range is negative, or no range of a scan is valid.
+    """
+    scan = np.asarray(scan, dtype=np.float32)
+    if scan.ndim == 0 or scan.shape[-1] != expected.num_beams:
+        raise InputError(
+            f"scan has shape {scan.shape}: this policy needs {expected.num_beams} ranges, from "
+            f"{expected.angle_min:.4f} rad in steps of {expected.angle_increment:.5f} rad"
+        )
+    negative = np.isfinite(scan) & (scan < 0.0)
+    if negative.any():
+        at = tuple(int(i) for i in np.argwhere(negative)[0])
+        raise InputError(f"scan[{at[-1]}] = {scan[at]:g}: a range must not be negative")
+    if np.isnan(scan).all(axis=-1).any():
+        raise InputError("scan: every range is NaN; at least one must be valid")
+    return scan
+
+
+def finite_pair(value: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Return two numbers (..., 2) as an array.
+
+    Raises:
+        InputError: there are not two, or one is not finite; it names the argument.
+    """
+    pair = np.asarray(value, dtype=np.float64)
+    if pair.ndim == 0 or pair.shape[-1] != 2 or not np.isfinite(pair).all():
+        raise InputError(f"{name} = {value!r}: must be two finite numbers")
+    return pair
