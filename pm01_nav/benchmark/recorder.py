@@ -46,8 +46,11 @@ class EpisodeResults:
     """How often the robot turns to the other side: from w > 0.2 rad/s to w < -0.2 rad/s or back,
     whatever lies between, per minute of driving [1/min]."""
     intrusion: FloatArray
-    """Share of the steps with a pedestrian within 0.5 m of the circle around the footprint, 1 minus
-    the personal space compliance of Francis et al. 2023 (arXiv:2306.16740); NaN without pedestrians."""
+    """Share of the steps with a pedestrian within 0.5 m of the circle around the footprint.
+
+    It is 1 minus the personal space compliance of Francis et al. 2023 (arXiv:2306.16740);
+    NaN without pedestrians.
+    """
 
 
 @dataclass
