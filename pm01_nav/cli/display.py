@@ -95,7 +95,7 @@ def results_table(columns: dict[str, dict[str, Any]], title: str) -> Table:
         ("BARN score 2022 (of 0.25)", "barn_score_2022", ""),
         ("DynaBARN as published (of 0.125)", "dynabarn_score_as_published", ""),
     ):
-        if any(key in summary for summary in columns.values()):
+        if any(summary.get(key) is not None for summary in columns.values()):
             table.add_row(label, *(_number(s.get(key), unit) for s in columns.values()))
     return table
 

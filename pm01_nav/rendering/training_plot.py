@@ -209,7 +209,10 @@ def _count(steps: float) -> str:
 def _with_last(name: str, values: NDArray[np.float64]) -> str:
     """Name a line together with its last finite value [%]."""
     finite = values[np.isfinite(values)]
-    return f"{name}: {finite[-1]:.1f} %" if len(finite) else name
+    if len(finite) == 0:
+        return name
+    # Rounding may leave a hair below zero, which would read -0.0; zero added makes it 0.0.
+    return f"{name}: {round(float(finite[-1]), 1) + 0.0:.1f} %"
 
 
 def _percent(axes: Axes) -> None:

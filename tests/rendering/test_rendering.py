@@ -27,7 +27,7 @@ from pm01_nav.geometry import rectangle
 from pm01_nav.rendering import canvas
 from pm01_nav.rendering.canvas import Canvas
 from pm01_nav.rendering.scene import Scene, fit, picture_size
-from pm01_nav.rendering.training_plot import plot_training
+from pm01_nav.rendering.training_plot import _with_last, plot_training
 from pm01_nav.rendering.video import write_video
 from pm01_nav.rendering.window import Window
 from pm01_nav.robot import load_robot
@@ -314,3 +314,11 @@ def test_curriculum_has_a_panel_only_where_there_is_one(tmp_path: Path, names) -
         assert more.width == less.width
         # Panels of 1.25 + 1 + 1.25 = 3.5 parts, and one of 0.8 more.
         assert more.height == pytest.approx(less.height * 4.3 / 3.5, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [([50.0, -1e-9], "x: 0.0 %"), ([99.96, np.nan], "x: 100.0 %"), ([np.nan], "x")],
+)
+def test_a_line_is_named_with_its_last_value(values: list[float], expected: str) -> None:
+    assert _with_last("x", np.array(values)) == expected
