@@ -3,35 +3,29 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pm01_nav.benchmark.metrics import barn_score, spl, wilson_interval
 from pm01_nav.benchmark.recorder import EpisodeResults, Recorder
-from pm01_nav.errors import InputError
+from pm01_nav.benchmark.summary import summarize
 from pm01_nav.planners.plan_follower import PlanFollower
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
-from pm01_nav.task.worlds import world_pool
+from pm01_nav.task.worlds import FILE_SUITES, world_pool
 from pm01_nav.worlds.barn import load_barn
 from pm01_nav.worlds.free_space import shortest_path_length
 from pm01_nav.worlds.global_plan import inflate
 from pm01_nav.worlds.pool import WorldPool
-from pm01_nav.worlds.world import World
 
 CHUNK = 1024
 """Episodes simulated side by side."""
-DYNABARN_SUCCESS = 0.125
-"""What the challenge's script gives for any success on DynaBARN."""
-SIMULATOR = "pm01 planar simulator, not the official BARN evaluation"
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 def goal_in_base(batch: NavigationBatch) -> FloatArray:
@@ -71,6 +65,22 @@ class GoalSource:
             self._follower.keep(robots)
 
 
+def reference_lengths(config: TaskConfig, pool: WorldPool) -> FloatArray:
+    """Return the lengths by which BARN judges times [m], shape (num_worlds,); NaN elsewhere."""
+    if config.suite == "barn" and config.worlds is not None:
+        return load_barn(config.worlds).path_lengths
+    if config.suite != "dynabarn":
+        return np.full(len(pool), np.nan)
+    # From start to goal; the challenge's script means the same and mistakes a sign.
+    starts = np.array([world.start or (np.nan,) * 3 for world in pool.worlds])
+    goals = np.array([world.goal_area or (np.nan,) * 4 for world in pool.worlds])
+    return np.linalg.norm(starts[:, :2] - goals[:, :2], axis=1)
+
+
+class PolicyFailureError(Exception):
+    """A policy raised an error or answered with something unusable."""
+
+
 class Evaluator:
     """The same held-out episodes for every policy that it runs.
 
@@ -79,53 +89,92 @@ class Evaluator:
     """
 
     def __init__(
-        self, config: TaskConfig, episodes: int, seed: int, *, look_ahead: float | None = None
+        self,
+        config: TaskConfig,
+        episodes: int,
+        seed: int,
+        *,
+        first: int = 0,
+        look_ahead: float | None = None,
+        pool: WorldPool | None = None,
     ) -> None:
-        """Make or read the worlds.
+        """Make or read the worlds of the episodes ``first`` to ``first + episodes``.
 
         With ``look_ahead`` [m] the policies are given points of a global plan instead of the goal;
-        success is judged at the goal all the same.
+        success is judged at the goal all the same. ``pool`` are the worlds, where they are known.
 
         Raises:
             InputError: the worlds cannot be had.
         """
         self.config, self.episodes, self.seed = config, episodes, seed
-        self.look_ahead = look_ahead
-        self.pool = world_pool(config, "held_out", episodes, seed)
-        self._shortest: dict[int, FloatArray] = {}
+        self.first, self.look_ahead = first, look_ahead
+        self.pool = pool or world_pool(config, "held_out", episodes, seed, first=first)
+        self._reference = reference_lengths(config, self.pool)
+        self._shortest: dict[int, float] = {}
 
     def run(self, policy: Policy) -> tuple[EpisodeResults, float]:
         """Run every episode; return the results and the wall time of driving [s].
 
-        Raises:
-            InputError: the policy answers with something unusable.
+        A policy that raises an error or answers with something unusable loses that episode.
         """
         chunks, seconds = [], 0.0
-        for first in range(0, self.episodes, CHUNK):
-            count = min(CHUNK, self.episodes - first)
-            batch = NavigationBatch(self.config, self.pool, count, autoreset=False)
-            numbers = np.arange(first, first + count)
-            batch.reset((self.seed << 32) + numbers, numbers % len(self.pool))
-            if first not in self._shortest:
-                self._shortest[first] = _shortest_paths(batch, self.pool)
-            world = batch.simulator.state.world
-            source = GoalSource(batch, self.pool, self.look_ahead)
-            began = time.perf_counter()
-            recorder = _drive(policy, batch, source)
-            seconds += time.perf_counter() - began
-            chunks.append(recorder.results(world, self._shortest[first]))
+        for first in range(self.first, self.first + self.episodes, CHUNK):
+            numbers = np.arange(first, min(first + CHUNK, self.first + self.episodes))
+            parts, took = self._run(policy, numbers)
+            chunks += parts
+            seconds += took
         return _join(chunks), seconds
+
+    def _run(self, policy: Policy, numbers: IntArray) -> tuple[list[EpisodeResults], float]:
+        """Run some episodes; if the policy fails, halves of them, until it is clear in which."""
+        batch = self.begin(numbers)
+        shortest = self._shortest_paths(batch, numbers)
+        source = GoalSource(batch, self.pool, self.look_ahead)
+        began = time.perf_counter()
+        try:
+            recorder = _drive(policy, batch, source)
+        except PolicyFailureError:
+            runs = [self._run(policy, half) for half in np.array_split(numbers, 2)]
+            return [part for parts, _ in runs for part in parts], sum(took for _, took in runs)
+        seconds = time.perf_counter() - began
+        world = self._world(numbers)
+        return [recorder.results(world, shortest, self._reference[self._place(numbers)])], seconds
+
+    def begin(self, numbers: IntArray) -> NavigationBatch:
+        """Return a batch at the beginning of these episodes, one a robot."""
+        batch = NavigationBatch(self.config, self.pool, len(numbers), autoreset=False)
+        batch.reset((self.seed << 32) + numbers, self._place(numbers))
+        return batch
+
+    def _place(self, numbers: IntArray) -> IntArray:
+        """Return where in the pool the worlds of these episodes are."""
+        offset = 0 if self.config.suite in FILE_SUITES else self.first
+        return (numbers - offset) % len(self.pool)
+
+    def _world(self, numbers: IntArray) -> IntArray:
+        """Return a number for the world of each episode, the same in all evaluations."""
+        return numbers % len(self.pool) if self.config.suite in FILE_SUITES else numbers
+
+    def _shortest_paths(self, batch: NavigationBatch, numbers: IntArray) -> FloatArray:
+        """Return the shortest length from each start to its goal's radius [m]."""
+        state = batch.simulator.state
+        for i, number in enumerate(numbers.tolist()):
+            if number not in self._shortest:
+                space = self.pool.free_space(int(state.world[i]))
+                start = (float(state.pose[i, 0]), float(state.pose[i, 1]))
+                goal = (float(state.goal[i, 0]), float(state.goal[i, 1]))
+                length = shortest_path_length(space, start, goal) - self.config.goal_radius
+                self._shortest[number] = max(length, 0.0)
+        return np.array([self._shortest[number] for number in numbers.tolist()])
 
     def summary(self, policy: Policy) -> dict[str, Any]:
         """Run every episode; return the figures of merit as plain data."""
         results, seconds = self.run(policy)
-        summary = {"seed": self.seed} | summarize(results, self.config, seconds)
+        summary = {"seed": self.seed} | summarize(results, self.config)
+        steps = int(results.steps.sum())
+        summary["steps_per_second"] = round(steps / seconds, 1) if seconds > 0 else None
         if self.look_ahead is not None:
             summary["global_plan_look_ahead_m"] = self.look_ahead
-        if self.config.suite == "barn" and self.config.worlds is not None:
-            summary |= summarize_barn(results, load_barn(self.config.worlds).path_lengths)
-        if self.config.suite == "dynabarn":
-            summary |= summarize_dynabarn(results, self.pool.worlds)
         return summary
 
 
@@ -134,113 +183,55 @@ def _drive(policy: Policy, batch: NavigationBatch, source: GoalSource) -> Record
 
     Episodes take a few hundred steps, the longest thousands: whenever half of the robots are done
     they are left out, else most of the time would go into robots that nobody looks at.
+
+    Raises:
+        PolicyFailureError: the policy failed, and it cannot be told with which robot.
     """
     policy.reset()
     recorder = Recorder.begin(batch)
     while len(driving := recorder.driving):
-        if 2 * len(driving) <= batch.num_envs:
-            for part in (batch, policy, source):
-                part.keep(driving)
+        if fewer := 2 * len(driving) <= batch.num_envs:
+            batch.keep(driving)
+            source.keep(driving)
             recorder.episode = recorder.episode[driving]
-        simulator = batch.simulator
-        command = policy.act(simulator.scan, source.goals(), simulator.measured_twist)
-        recorder.record(batch, _checked(command, batch.num_envs))
+        try:
+            command = answer(policy, batch, source, driving if fewer else None)
+        except PolicyFailureError as failure:
+            if batch.num_envs > 1:
+                raise
+            recorder.lose(np.array([0]), str(failure))
+            break
+        usable = np.all(np.isfinite(command), axis=1)
+        recorder.lose(np.flatnonzero(~usable), "answered with NaN or infinity")
+        recorder.record(batch, np.where(usable[:, None], command, 0.0))
     return recorder
 
 
-def summarize(results: EpisodeResults, config: TaskConfig, seconds: float) -> dict[str, Any]:
-    """Return the figures of merit as plain data."""
-    n = len(results.success)
-    timeout = ~(results.success | results.collision)
-    won = results.success
-    known = np.isfinite(results.shortest_path)
-    summary: dict[str, Any] = {"task": config.name, "robot": config.robot, "episodes": n}
-    for name, outcome in (
-        ("success_rate", won),
-        ("collision_rate", results.collision),
-        ("timeout_rate", timeout),
-    ):
-        summary[name] = float(outcome.mean())
-        summary[f"{name}_ci95"] = list(wilson_interval(int(outcome.sum()), n))
-    steps = int(results.steps.sum())
-    summary |= {
-        "spl": spl(won[known], results.shortest_path[known], results.path_length[known])
-        if known.any()
-        else None,
-        "time_to_goal_s": _mean(results.steps[won] * config.control_dt),
-        "path_length_m": _mean(results.path_length[won]),
-        "min_clearance_m": _mean(results.min_clearance),
-        "mean_clearance_m": _mean(results.mean_clearance),
-        "mean_jerk": _mean(results.jerk),
-        "turn_reversals_per_min": _mean(results.turn_reversals),
-        "personal_space_intrusion": _mean(
-            results.intrusion[np.isfinite(results.intrusion)],
-        ),
-        "steps_per_second": round(steps / seconds, 1) if seconds > 0 else None,
-    }
-    return summary
+def answer(
+    policy: Policy,
+    batch: NavigationBatch,
+    source: GoalSource,
+    left: IntArray | None = None,
+) -> FloatArray:
+    """Return the policy's commands; a row that is not finite is the policy's failure there.
 
+    ``left`` are those of the robots of its last answer that go on, if not all.
 
-def summarize_barn(results: EpisodeResults, path_lengths: FloatArray) -> dict[str, Any]:
-    """Return the BARN challenge's scores, labelled as ours; ``path_lengths`` (num_worlds,) [m]."""
-    length = path_lengths[results.world]
-    worlds = np.unique(results.world)
-
-    def mean_over_worlds(values: FloatArray) -> float:
-        return float(np.mean([values[results.world == w].mean() for w in worlds]))
-
-    scores = {
-        "barn_score_2024": barn_score(results.success, length, results.moving_time, (2, 8)),
-        "barn_score_2022": barn_score(results.success, length, results.moving_time, (4, 8)),
-    }
-    won = results.success & (results.moving_time > 0)
-    ratio = length[won] / 2.0 / results.moving_time[won]
-    return {name: mean_over_worlds(s) for name, s in scores.items()} | {
-        "barn_optimal_over_actual_time": _mean(ratio),
-        "barn_worlds": len(worlds),
-        "barn_evaluated_in": SIMULATOR,
-    }
-
-
-def summarize_dynabarn(results: EpisodeResults, worlds: Sequence[World]) -> dict[str, Any]:
-    """Return DynaBARN's scores, labelled as ours: with the way's true length, and as published.
-
-    The challenge's script takes the way from start to goal for -31 m long, so that each success
-    scores 0.125, however long it took.
+    Raises:
+        PolicyFailureError: the policy raised an error, or its answer has the wrong shape.
     """
-    lengths = []
-    for world in worlds:
-        assert world.start is not None
-        assert world.goal_area is not None
-        ends = np.array(world.start[:2]) - np.array(world.goal_area[:2])
-        lengths.append(float(np.linalg.norm(ends)))
-    scores = summarize_barn(results, np.array(lengths))
-    return scores | {
-        "dynabarn_score_as_published": DYNABARN_SUCCESS * float(results.success.mean())
-    }
-
-
-def _shortest_paths(batch: NavigationBatch, pool: WorldPool) -> FloatArray:
-    """Return the shortest length from each start to its goal's radius [m]."""
-    state = batch.simulator.state
-    spaces = {int(w): pool.free_space(int(w)) for w in np.unique(state.world)}
-    lengths = np.zeros(batch.num_envs)
-    for i in range(batch.num_envs):
-        start = (float(state.pose[i, 0]), float(state.pose[i, 1]))
-        goal = (float(state.goal[i, 0]), float(state.goal[i, 1]))
-        lengths[i] = shortest_path_length(spaces[int(state.world[i])], start, goal)
-    return np.maximum(lengths - batch.config.goal_radius, 0.0)
-
-
-def _checked(command: FloatArray, count: int) -> FloatArray:
-    command = np.asarray(command, dtype=np.float64)
-    if command.shape != (count, 2) or not np.isfinite(command).all():
-        raise InputError(f"the policy's commands must be finite and of shape ({count}, 2)")
+    simulator = batch.simulator
+    scan, goal, twist = simulator.scan, source.goals(), simulator.measured_twist
+    try:
+        if left is not None:
+            policy.keep(left)
+        command = np.asarray(policy.act(scan, goal, twist), dtype=np.float64)
+    except Exception as error:  # whatever a policy may raise must not end the evaluation
+        raise PolicyFailureError(f"{type(error).__name__}: {error}") from error
+    if command.shape != (batch.num_envs, 2):
+        wanted = (batch.num_envs, 2)
+        raise PolicyFailureError(f"answered with shape {command.shape} instead of {wanted}")
     return command
-
-
-def _mean(values: NDArray[Any]) -> float | None:
-    return None if len(values) == 0 or math.isnan(values.mean()) else float(values.mean())
 
 
 def _join(chunks: list[EpisodeResults]) -> EpisodeResults:

@@ -22,7 +22,7 @@ def load_policy(name: str, robot: RobotSpec, control_dt: float) -> Policy:
     """
     if name in PLANNERS:
         return make_planner(name, robot, control_dt)
-    policy = OnnxPolicy(_policy_file(name), robot)
+    policy = OnnxPolicy(policy_file(name), robot)
     if abs(policy.control_dt - control_dt) > 1e-9:
         raise InputError(
             f"{name}: acts every {policy.control_dt:g} s, but the task every {control_dt:g} s"
@@ -39,7 +39,7 @@ def trained_task(name: str) -> TaskConfig | None:
         return None
     if Path(name).is_dir():
         return _stored_task(Path(name)).model_copy(update={"randomization": None})
-    task = OnnxPolicy(_policy_file(name)).metadata.get("task")
+    task = OnnxPolicy(policy_file(name)).metadata.get("task")
     if not isinstance(task, dict):
         return None
     return validate(TaskConfig, task | {"randomization": None}, name, inside="task")
@@ -52,7 +52,12 @@ def _stored_task(folder: Path) -> TaskConfig:
     return validate(TaskConfig, load_yaml(path).get("task") or {}, str(path), inside="task")
 
 
-def _policy_file(name: str) -> Path:
+def policy_file(name: str) -> Path:
+    """Return the file of a policy that is named by it or by its run's folder.
+
+    Raises:
+        InputError: there is none.
+    """
     path = Path(name)
     if path.is_dir():
         _stored_task(path)

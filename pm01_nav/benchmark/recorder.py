@@ -19,6 +19,9 @@ TURNING = 0.2
 PERSONAL_SPACE = 0.5
 """No pedestrian should come nearer to the circle around the footprint than this [m]."""
 
+MAX_REASON = 200
+"""Characters kept of why a policy failed."""
+
 FloatArray = NDArray[np.float64]
 
 
@@ -36,6 +39,8 @@ class EpisodeResults:
     """[m]"""
     shortest_path: FloatArray
     """From start to goal radius [m]; infinity if the planner found no way."""
+    reference_path: FloatArray
+    """Length by which BARN judges the time [m]; NaN in other worlds."""
     min_clearance: FloatArray
     """Least distance from the footprint to an obstacle, the start included [m]."""
     mean_clearance: FloatArray
@@ -51,6 +56,8 @@ class EpisodeResults:
     It is 1 minus the personal space compliance of Francis et al. 2023 (arXiv:2306.16740);
     NaN without pedestrians.
     """
+    failure: NDArray[np.str_]
+    """Why the policy itself lost the episode: its error, or an unusable answer; mostly empty."""
 
 
 @dataclass
@@ -80,6 +87,7 @@ class Recorder:
     steps: NDArray[np.int64]
     success: NDArray[np.bool_]
     collision: NDArray[np.bool_]
+    failure: list[str]
 
     @classmethod
     def begin(cls, batch: NavigationBatch) -> Recorder:
@@ -104,12 +112,20 @@ class Recorder:
             steps=np.zeros(n, dtype=np.int64),
             success=np.zeros(n, dtype=np.bool_),
             collision=np.zeros(n, dtype=np.bool_),
+            failure=[""] * n,
         )
 
     @property
     def driving(self) -> NDArray[np.int64]:
         """The robots of the batch whose episodes go on."""
         return np.flatnonzero(self.active[self.episode])
+
+    def lose(self, robots: NDArray[np.int64], reason: str) -> None:
+        """End the episodes of these robots of the batch, if they go on, as the policy's failure."""
+        for episode in self.episode[robots]:
+            if self.active[episode]:
+                self.failure[episode] = reason[:MAX_REASON]
+                self.active[episode] = False
 
     def record(self, batch: NavigationBatch, command: FloatArray) -> None:
         """Advance the batch by one step and add what happened to the active episodes."""
@@ -155,8 +171,10 @@ class Recorder:
         gap = np.hypot(offset[..., 0], offset[..., 1]) - state.mover_radius - radius
         return (present & (kind == PEDESTRIAN) & (gap < PERSONAL_SPACE)).any(axis=1)
 
-    def results(self, world: NDArray[np.int64], shortest: FloatArray) -> EpisodeResults:
-        """Return what was recorded."""
+    def results(
+        self, world: NDArray[np.int64], shortest: FloatArray, reference: FloatArray
+    ) -> EpisodeResults:
+        """Return what was recorded, together with what is known of each episode's world."""
         moved_at = np.where(self.moved_at < 0, self.steps, self.moved_at)
         return EpisodeResults(
             world=world,
@@ -166,11 +184,13 @@ class Recorder:
             moving_time=self.dt * (self.steps - moved_at).astype(np.float64),
             path_length=self.path_length,
             shortest_path=shortest,
+            reference_path=reference,
             min_clearance=self.min_clearance,
             mean_clearance=self.clearance_sum / np.maximum(self.steps, 1),
             jerk=self.jerk_sum / np.maximum(self.steps - 1, 1),
             turn_reversals=60.0 * self.reversals / np.maximum(self.dt * self.steps, self.dt),
             intrusion=np.where(self.pedestrians, self.intruded / np.maximum(self.steps, 1), np.nan),
+            failure=np.array(self.failure, dtype=np.str_),
         )
 
 

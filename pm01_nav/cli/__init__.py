@@ -22,7 +22,16 @@ from pm01_nav.openmp import wait_briefly  # noqa: E402
 
 wait_briefly()
 
-COMMANDS = ("demo", "train", "evaluate", "export", "replay", "worlds", "doctor")
+COMMANDS = (
+    "demo",
+    "train",
+    "evaluate",
+    "benchmark",
+    "export",
+    "replay",
+    "worlds",
+    "doctor",
+)
 
 
 class Commands(click.Group):

@@ -7,7 +7,14 @@ from types import TracebackType
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 
@@ -98,6 +105,41 @@ def results_table(columns: dict[str, dict[str, Any]], title: str) -> Table:
         if any(summary.get(key) is not None for summary in columns.values()):
             table.add_row(label, *(_number(s.get(key), unit) for s in columns.values()))
     return table
+
+
+def episodes_bar() -> Progress:
+    """Return a bar that counts episodes, on a terminal only."""
+    console = Console(stderr=True)
+    return Progress(
+        TextColumn("[bold]{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(compact=True),
+        TextColumn("{task.fields[now]}"),
+        console=console,
+        disable=not console.is_terminal,
+    )
+
+
+def benchmark_table(summaries: list[dict[str, Any]]) -> Table:
+    """Return success, and how else episodes ended, of every entry (row) on every suite (column)."""
+    suites = list(dict.fromkeys(summary["suite"] for summary in summaries))
+    cells = {(s["entry"], s["suite"]): _outcomes(s) for s in summaries}
+    table = Table(title="success % (collision, timeout)")
+    table.add_column("")
+    for suite in suites:
+        table.add_column(suite, justify="right")
+    for entry in dict.fromkeys(summary["entry"] for summary in summaries):
+        table.add_row(entry, *(cells.get((entry, suite), "-") for suite in suites))
+    return table
+
+
+def _outcomes(summary: dict[str, Any]) -> str:
+    success, collision, timeout = (
+        100.0 * summary[f"{name}_rate"] for name in ("success", "collision", "timeout")
+    )
+    failed = f", failed {100.0 * summary['failure_rate']:.1f}" if "failure_rate" in summary else ""
+    return f"{success:.1f} ({collision:.1f}, {timeout:.1f}{failed})"
 
 
 def _rate(summary: dict[str, Any], key: str) -> str:

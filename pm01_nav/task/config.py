@@ -50,6 +50,8 @@ class TaskConfig(FrozenModel):
     name: str
     suite: str
     """Where the worlds come from: a generator's name, ``map``, ``barn`` or ``dynabarn``."""
+    suite_params: dict[str, float] = Field(default_factory=dict)
+    """Parameters of the generator to fix, e.g. ``{pedestrians: 20}`` for ``crowd``."""
     map: str | None = None
     """The world to drive in, for the suite ``map``: a ROS map's .yaml, our YAML, or SDF."""
     worlds: str | None = None

@@ -168,9 +168,7 @@ class NavigationBatch:
         action = np.minimum(np.maximum(action, -1.0), 1.0)
         step = self.advance(self.layout.limits.to_command(action))
         step.action, step.previous_action = action, self._action
-        terms = np.empty_like(self._term_sums)
-        for row, (function, weight, params) in zip(terms, self._rewards, strict=True):
-            np.multiply(weight, function(step, **params), out=row)
+        terms = self.reward_terms(step)
         self._term_sums += terms
         self._action = action
         terminated = step.reached | step.collided
@@ -186,6 +184,16 @@ class NavigationBatch:
         return BatchStep(
             observation, terms.sum(axis=0), self._named(terms), terminated, truncated, episodes
         )
+
+    def reward_terms(self, step: Step) -> NDArray[np.float64]:
+        """Return each term's weighted share of the reward, shape (num_terms, num_envs).
+
+        ``step.action`` and ``step.previous_action`` must be known.
+        """
+        terms = np.empty_like(self._term_sums)
+        for row, (function, weight, params) in zip(terms, self._rewards, strict=True):
+            np.multiply(weight, function(step, **params), out=row)
+        return terms
 
     def _named(self, terms: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         return dict(zip(self.config.rewards, terms, strict=True))

@@ -20,11 +20,14 @@ SEEDS_PER_RUN = 1 << 20
 """World seeds set aside for each run seed, so that no two runs share worlds."""
 
 
-def world_pool(config: TaskConfig, split: Split, count: int, seed: int = 0) -> WorldPool:
+def world_pool(
+    config: TaskConfig, split: Split, count: int, seed: int = 0, *, first: int = 0
+) -> WorldPool:
     """Make or read worlds for a task.
 
     Generated worlds of the two splits never share a seed; ``seed`` chooses among those of a
-    split. Worlds from files are the same in both splits and ``count`` does not apply.
+    split, and the first of them can be left out. Worlds from files are the same in both splits
+    and ``count`` and ``first`` do not apply.
 
     Raises:
         InputError: the suite is unknown, its files are unusable, or no way leads to a goal.
@@ -43,7 +46,8 @@ def world_pool(config: TaskConfig, split: Split, count: int, seed: int = 0) -> W
     if config.suite not in SUITES:
         allowed = ", ".join(sorted([*SUITES, *FILE_SUITES]))
         raise InputError(f"suite = {config.suite!r}: unknown; allowed: {allowed}")
-    return suite_pool(config.suite, world_seeds(split, count, seed), radius)
+    seeds = world_seeds(split, first + count, seed)[first:]
+    return suite_pool(config.suite, seeds, radius, config.suite_params)
 
 
 def world_seeds(split: Split, count: int, seed: int) -> range:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -21,7 +21,7 @@ from pm01_nav.worlds.barn import UNREADABLE
 from pm01_nav.worlds.free_space import FreeSpace
 from pm01_nav.worlds.mover import Motion, Mover
 from pm01_nav.worlds.pool import Places, WorldPool, draw_world, pack_pool
-from pm01_nav.worlds.suites import SUITES
+from pm01_nav.worlds.suites import suite_generator
 from pm01_nav.worlds.world import World
 
 LEAST_WORLDS = 64
@@ -34,23 +34,33 @@ Arrays = dict[str, NDArray[Any]]
 MOTIONS: tuple[Motion, ...] = get_args(Motion)
 
 
-def suite_pool(name: str, seeds: Iterable[int], radius: float) -> WorldPool:
+def suite_pool(
+    name: str, seeds: Iterable[int], radius: float, params: Mapping[str, float] | None = None
+) -> WorldPool:
     """Generate one world of a suite for each seed, or read what an earlier call generated.
 
+    ``params`` choose a variant of the suite, see ``suite_generator``.
+
     Raises:
-        InputError: a seed gave no usable world in many attempts.
+        InputError: there is no such suite or parameter, or a seed gave no usable world in many
+            attempts.
     """
+    generator = suite_generator(name, params or {})
     seeds = list(seeds)
     if len(seeds) < LEAST_WORLDS:
-        return pack_pool([draw_world(SUITES[name], seed, radius) for seed in seeds], radius)
-    file = cache_folder() / "pools" / f"{_fingerprint(name, seeds, radius)}.npz"
+        return pack_pool([draw_world(generator, seed, radius) for seed in seeds], radius)
+    file = cache_folder() / "pools" / f"{_fingerprint(_variant(name, params), seeds, radius)}.npz"
     drawn = _read(file)
     if drawn is None:
-        drawn = [draw_world(SUITES[name], seed, radius) for seed in seeds]
+        drawn = [draw_world(generator, seed, radius) for seed in seeds]
         # Without a cache everything works, only slower.
         with contextlib.suppress(OSError):
             _write(file, drawn)
     return pack_pool(drawn, radius)
+
+
+def _variant(name: str, params: Mapping[str, float] | None) -> str:
+    return " ".join([name, *(f"{k}={v!r}" for k, v in sorted((params or {}).items()))])
 
 
 def _fingerprint(name: str, seeds: Sequence[int], radius: float) -> str:

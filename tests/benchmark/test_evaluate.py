@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from pm01_nav.benchmark.evaluate import Evaluator, goal_in_base
 from pm01_nav.envs.spaces import resolve_task
-from pm01_nav.errors import InputError
 from pm01_nav.planners import make_planner
 from pm01_nav.robot import full_circle
 from pm01_nav.task.config import TaskConfig
@@ -93,21 +92,65 @@ def test_each_policy_meets_the_same_episodes() -> None:
     assert (one.goals[0] == two.goals[0]).all()
 
 
-@pytest.mark.parametrize(
-    "answer",
-    [
-        np.full((4, 2), np.nan),
-        np.array([[0.0, 0.0]] * 3 + [[0.0, np.inf]]),
-        np.zeros((4, 3)),
-        np.zeros((3, 2)),
-        np.zeros(2),
-        0.0,
-    ],
-)
-def test_unusable_answer_is_refused(answer) -> None:
+@pytest.mark.parametrize("answer", [np.zeros((4, 3)), np.zeros((3, 2)), np.zeros(2), 0.0])
+def test_an_answer_of_the_wrong_shape_loses_every_episode(answer) -> None:
+    results, _ = Evaluator(task("empty", time_limit_steps=3), 4, 0).run(Answering(answer))
+    assert not (results.success | results.collision).any()
+    for reason in results.failure:
+        assert "answered with shape" in reason
+        assert "instead of (1, 2)" in reason
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_row_that_is_not_finite_loses_its_episode_only(bad: float) -> None:
+    answer = np.array([[0.0, 0.0]] * 3 + [[0.0, bad]])
+    results, _ = Evaluator(task("empty", time_limit_steps=3), 4, 0).run(Answering(answer))
+    assert results.failure.tolist() == [""] * 3 + ["answered with NaN or infinity"]
+    # It lost before its first step; the others stand until their time is up.
+    assert results.steps.tolist() == [3, 3, 3, 0]
+
+
+class AfraidOf(Constant):
+    """Drive on, but raise an error at the sight of some goals."""
+
+    def __init__(self, goals) -> None:
+        super().__init__(0.2, 0.0)
+        self.feared = goals
+
+    def act(self, scan, goal, velocity) -> NDArray[np.float64]:
+        if (np.abs(np.asarray(goal)[:, None] - self.feared) < 1e-9).all(axis=2).any():
+            raise RuntimeError("not that one")
+        return super().act(scan, goal, velocity)
+
+
+def test_a_policy_that_raises_loses_that_episode_only() -> None:
+    evaluator = Evaluator(task("empty", time_limit_steps=4), 9, 0)
+    evaluator.run(seen := Constant(0.0, 0.0))
+    results, _ = evaluator.run(AfraidOf(seen.goals[0][[2, 7]]))
+    reasons = ["RuntimeError: not that one" if k in (2, 7) else "" for k in range(9)]
+    assert results.failure.tolist() == reasons
+    undisturbed, _ = evaluator.run(Constant(0.2, 0.0))
+    others = [k for k in range(9) if k not in (2, 7)]
+    assert (results.steps[others] == undisturbed.steps[others]).all()
+    assert results.path_length[others] == pytest.approx(undisturbed.path_length[others])
+
+
+def test_failures_are_neither_collisions_nor_timeouts() -> None:
+    answer = np.array([[0.0, 0.0]] * 3 + [[0.0, np.nan]])
     evaluator = Evaluator(task("empty", time_limit_steps=3), 4, 0)
-    with pytest.raises(InputError, match=r"commands must be finite and of shape \(4, 2\)"):
-        evaluator.run(Answering(answer))
+    summary = evaluator.summary(Answering(answer))
+    assert (summary["timeout_rate"], summary["failure_rate"]) == (0.75, 0.25)
+    assert summary["failures"] == {"answered with NaN or infinity": 1}
+
+
+def test_later_episodes_alone() -> None:
+    config = task(time_limit_steps=1)
+    whole, later = Constant(0.0, 0.0), Constant(0.0, 0.0)
+    Evaluator(config, 6, 3).run(whole)
+    results, _ = Evaluator(config, 2, 3, first=4).run(later)
+    assert (later.scans[0] == whole.scans[0][4:]).all()
+    assert (later.goals[0] == whole.goals[0][4:]).all()
+    assert results.world.tolist() == [4, 5]
 
 
 def test_goal_seeking_solves_the_empty_room() -> None:

@@ -33,7 +33,7 @@ def record(world: World, commands, pose=(5.0, 5.0, 0.0), goal=(15.0, 15.0)) -> E
     for command in commands:
         recorder.record(batch, np.array([command]))
     assert not recorder.active[0]
-    return recorder.results(np.zeros(1, dtype=np.int64), np.zeros(1))
+    return recorder.results(np.zeros(1, dtype=np.int64), np.zeros(1), np.full(1, np.nan))
 
 
 def test_clearance_of_a_drive_away_from_a_wall() -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,8 +46,11 @@ def crowd(rng: np.random.Generator) -> World:
     return crowd_of(int(rng.integers(8, 13)))(rng)
 
 
-def crowd_of(num_pedestrians: int) -> Generator:
-    """Return a generator of rooms with so many pedestrians, or fewer if they find no room."""
+def crowd_of(pedestrians: int = 10, speed_factor: float = 1.0) -> Generator:
+    """Return a generator of rooms with so many pedestrians, or fewer if they find no room.
+
+    They walk ``speed_factor`` times as fast as usual.
+    """
 
     def generator(rng: np.random.Generator) -> World:
         bounds = (0.0, 0.0, SIDE, SIDE)
@@ -60,7 +64,11 @@ def crowd_of(num_pedestrians: int) -> Generator:
             x, y = rng.uniform(1.0, SIDE - 1.0, 2)
             length, width = rng.uniform(0.6, 2.0), rng.uniform(0.3, 0.7)
             layout.add_box_if_clear((x, y, length, width, rng.uniform(-np.pi, np.pi)))
-        return layout.world("crowd", movers=_pedestrians(layout, num_pedestrians, rng))
+        walkers = [
+            replace(walker, speed=speed_factor * walker.speed)
+            for walker in _pedestrians(layout, pedestrians, rng)
+        ]
+        return layout.world("crowd", movers=walkers)
 
     return generator
 

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,7 @@ from pm01_nav.worlds.suites.layout import room_walls
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
+Generator = Callable[[np.random.Generator], World]
 
 
 def empty(rng: np.random.Generator) -> World:
@@ -22,7 +25,21 @@ def empty(rng: np.random.Generator) -> World:
 def static(rng: np.random.Generator) -> World:
     """Draw a square room with discs and turned boxes."""
     # How many: uniform on 4 ... 12 and 0 ... 3.
-    num_discs, num_boxes = rng.integers(4, 13), rng.integers(0, 4)
+    num_discs, num_boxes = int(rng.integers(4, 13)), int(rng.integers(0, 4))
+    return _furnished(num_discs, num_boxes, rng)
+
+
+def static_of(obstacles: int) -> Generator:
+    """Return a generator of such rooms with so many obstacles, one in five of them a box."""
+
+    def generator(rng: np.random.Generator) -> World:
+        num_boxes = obstacles // 5
+        return _furnished(obstacles - num_boxes, num_boxes, rng)
+
+    return generator
+
+
+def _furnished(num_discs: int, num_boxes: int, rng: np.random.Generator) -> World:
     # Centres U(0.5, 9.5)^2 m; radii U(0.15, 0.5) m.
     discs = np.column_stack(
         [rng.uniform(0.5, 9.5, (num_discs, 2)), rng.uniform(0.15, 0.5, num_discs)]

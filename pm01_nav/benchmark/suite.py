@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a benchmark measures on, as a contract: the same hash means the same episodes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from pm01_nav.benchmark.sweeps import SWEEPS, SweepPoint
+from pm01_nav.config import merge, validate
+from pm01_nav.errors import InputError
+from pm01_nav.robot import RobotSpec
+from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.randomization import load_randomization
+from pm01_nav.task.tasks import task_config
+from pm01_nav.task.worlds import FILE_SUITES, world_pool
+from pm01_nav.worlds.suites.frozen import worlds_hash
+
+HASHED_WORLDS = 16
+"""Generated worlds that the hash covers; of worlds from files it covers all."""
+RULES = (
+    "suite",
+    "suite_params",
+    "control_dt",
+    "time_limit_steps",
+    "goal_radius",
+    "goal_distance",
+    "collision",
+    "collision_distance",
+    "pedestrians",
+    "pedestrians_avoid_robot",
+    "margin",
+    "randomization",
+)
+"""Keys of a task that decide what happens; the others are what a policy learns by."""
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A task's held-out episodes, numbered from 0 on."""
+
+    name: str
+    task: TaskConfig
+    seed: int
+    point: SweepPoint | None = None
+    """Where on which sweep it lies, if on any."""
+
+    @cached_property
+    def robot(self) -> RobotSpec:
+        """The robot that drives, with the task's changes."""
+        return self.task.robot_spec()
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of robot, rules, seed and worlds, in hexadecimal.
+
+        Raises:
+            InputError: the worlds cannot be had.
+        """
+        task = self.task.model_dump(mode="json")
+        rules = {key: task[key] for key in RULES}
+        contract = rules | {"robot": self.robot.model_dump(mode="json"), "seed": self.seed}
+        worlds = world_pool(self.task, "held_out", HASHED_WORLDS, self.seed).worlds
+        text = json.dumps(contract, sort_keys=True) + worlds_hash(worlds)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @property
+    def from_files(self) -> bool:
+        """Whether its worlds are somebody's files, visited in turn."""
+        return self.task.suite in FILE_SUITES
+
+    def describe(self) -> dict[str, Any]:
+        """Return what a reader should know of it, as plain data."""
+        return {
+            "task": self.task.name,
+            "robot": self.robot.name,
+            "seed": self.seed,
+            "hash": self.hash,
+            "control_dt": self.task.control_dt,
+            "time_limit_s": self.task.time_limit_steps * self.task.control_dt,
+            "sweep": self.point and self.point._asdict(),
+        }
+
+
+def read_suite(
+    text: str, seed: int, robot: str | None = None, randomization: str | None = None
+) -> Suite:
+    """Return the suite that ``NAME`` or, with worlds from files, ``NAME=PATH`` stands for.
+
+    ``robot`` drives instead of the task's own; ``randomization`` is a choice of
+    ``load_randomization``, whose name becomes part of the suite's.
+
+    Raises:
+        InputError: an unknown task, files that are missing, or an unusable robot.
+    """
+    name, separator, path = text.partition("=")
+    task = task_config(name)
+    if separator != "" and task.suite not in FILE_SUITES:
+        raise InputError(f"suite = {text!r}: the worlds of {name} are generated, not read")
+    if task.suite in FILE_SUITES and not path:
+        raise InputError(f"suite = {text!r}: its worlds are files; write {name}=PATH")
+    changes: dict[str, Any] = {"map" if task.suite == "map" else "worlds": path} if path else {}
+    if robot is not None:
+        changes["robot"] = robot
+    if randomization is not None and (chosen := load_randomization(randomization)) is not None:
+        changes["randomization"] = chosen.model_dump()
+        name += f"+{_stem(randomization)}"
+    return Suite(name, _changed(task, changes), seed)
+
+
+def sweep_suites(name: str, seed: int, robot: str | None = None) -> list[Suite]:
+    """Return a suite for each point of a sweep.
+
+    Raises:
+        InputError: no such sweep, or an unusable robot.
+    """
+    if name not in SWEEPS:
+        raise InputError(f"sweep = {name!r}: unknown; allowed: {', '.join(SWEEPS)}")
+    sweep = SWEEPS[name]
+    own: dict[str, Any] = {} if robot is None else {"robot": robot}
+    suites = []
+    for value in sweep.values:
+        task = _changed(task_config(sweep.suite), merge(own, sweep.changes(value)))
+        point = SweepPoint(name, sweep.label, sweep.suite, value)
+        suites.append(Suite(f"{sweep.suite}@{name}={value:g}", task, seed, point))
+    return suites
+
+
+def _changed(task: TaskConfig, changes: dict[str, Any]) -> TaskConfig:
+    return validate(TaskConfig, merge(task.model_dump(), changes), f"suite {task.name}")
+
+
+def _stem(path: str) -> str:
+    """Return a file's name without folder and ending."""
+    return path.replace("\\", "/").rsplit("/", 1)[-1].rsplit(".", 1)[0]

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``pm01 benchmark``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from pm01_nav.benchmark.entry import Entry
+    from pm01_nav.benchmark.runner import Plan
+    from pm01_nav.benchmark.store import ResultsFolder
+    from pm01_nav.benchmark.suite import Suite
+
+
+@click.command("benchmark", short_help="Measure policies and planners on many suites.")
+@click.option(
+    "--suite",
+    "suites",
+    multiple=True,
+    metavar="NAME",
+    help="A task's held-out worlds (repeatable); with files: barn=DIR, dynabarn=FILE, map=FILE.",
+)
+@click.option(
+    "--sweep",
+    "sweeps",
+    multiple=True,
+    metavar="NAME",
+    help="One thing varied (repeatable): density, pedestrians, pedestrian_speed, lidar_noise, "
+    "lidar_dropout, command_delay, odometry_drift.",
+)
+@click.option(
+    "--policy",
+    "policies",
+    multiple=True,
+    metavar="[NAME=]FILE",
+    help="A policy.onnx or a run's folder (repeatable).",
+)
+@click.option(
+    "--planner",
+    "planners",
+    multiple=True,
+    metavar="NAME",
+    help="goal_seeking, gap_following, vfh, pure_pursuit, regulated_pure_pursuit, dwa or mppi "
+    "(repeatable).",
+)
+@click.option("--episodes", type=click.IntRange(1), default=1000, show_default=True)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**31 - 1),
+    default=1,
+    show_default=True,
+    help="Chooses the held-out worlds, starts and goals.",
+)
+@click.option("--robot", metavar="NAME|FILE", help="Drive this robot on all suites.")
+@click.option(
+    "--randomization",
+    metavar="on|FILE",
+    help="Perturb the robots; the suites' names get the file's name added.",
+)
+@click.option("--out", required=True, metavar="DIR", help="Where results are, or are added.")
+@click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
+@click.option(
+    "--replays",
+    type=click.IntRange(0),
+    default=6,
+    show_default=True,
+    help="Episodes kept for the report of each entry on each suite, the worst ones first.",
+)
+def command(
+    policies: tuple[str, ...],
+    planners: tuple[str, ...],
+    episodes: int,
+    out: str,
+    jobs: int | None,
+    replays: int,
+    **where: Any,
+) -> None:
+    """Measure policies and planners on the same episodes, in parallel processes.
+
+    \b
+      pm01 benchmark --suite static --suite mixed --policy runs/mixed --planner dwa \\
+          --planner mppi --episodes 1000 --out results/x
+      pm01 report results/x
+
+    After a kill the same command goes on where it stopped. Another command with the same --out
+    adds to the results; results of other worlds, rules or robots under the same name are refused.
+    """
+    from pathlib import Path
+
+    from pm01_nav.benchmark.runner import plan_benchmark
+    from pm01_nav.benchmark.store import ResultsFolder
+
+    suites = _suites(**where)
+    folder = ResultsFolder(Path(out))
+    plan = plan_benchmark(folder, suites, _entries(policies, planners), episodes, replays)
+    _run(folder, plan, jobs)
+    _report(folder, suites)
+
+
+def _suites(
+    suites: tuple[str, ...],
+    sweeps: tuple[str, ...],
+    seed: int,
+    robot: str | None,
+    randomization: str | None,
+) -> list[Suite]:
+    from pm01_nav.benchmark.suite import read_suite, sweep_suites
+    from pm01_nav.errors import InputError
+
+    found = [read_suite(text, seed, robot, randomization) for text in dict.fromkeys(suites)]
+    for name in dict.fromkeys(sweeps):
+        found += sweep_suites(name, seed, robot)
+    if not found:
+        raise InputError("suite: give --suite or --sweep, or several of them")
+    return found
+
+
+def _entries(policies: tuple[str, ...], planners: tuple[str, ...]) -> list[Entry]:
+    from pm01_nav.benchmark.entry import planner_entry, policy_entry
+    from pm01_nav.errors import InputError
+
+    found = [planner_entry(name) for name in dict.fromkeys(planners)]
+    found += [policy_entry(text) for text in dict.fromkeys(policies)]
+    if not found:
+        raise InputError("policy: give --policy or --planner, or several of them")
+    if len({entry.name for entry in found}) < len(found):
+        raise InputError("policy: two have the same name; write --policy NAME=FILE")
+    return found
+
+
+def _run(folder: ResultsFolder, plan: Plan, jobs: int | None) -> None:
+    """Run with a progress bar; it counts episodes."""
+    from pm01_nav.benchmark.runner import run_plan
+    from pm01_nav.cli.display import episodes_bar
+    from pm01_nav.provenance import machine
+
+    with episodes_bar() as bar:
+        task = bar.add_task("episodes", total=plan.total, completed=plan.done, now="")
+        for job in run_plan(folder, plan, jobs or int(machine()["cores"])):
+            what = f"{job.entry.name} on {job.suite.name}"
+            note = what if job.kind == "episodes" else f"{job.kind}: {what}"
+            bar.update(task, advance=job.count if job.kind == "episodes" else 0, now=note)
+
+
+def _report(folder: ResultsFolder, suites: Sequence[Suite]) -> None:
+    """Write the tables and print the short one."""
+    from rich.console import Console
+
+    from pm01_nav.benchmark.merge import merge_results
+    from pm01_nav.benchmark.tables import summaries_of, write_tables
+    from pm01_nav.cli.display import benchmark_table
+
+    merged = merge_results([folder.path])
+    write_tables(merged, folder.path)
+    names = [suite.name for suite in suites]
+    summaries = [s for s in summaries_of(merged) if s["suite"] in names]
+    console = Console()
+    console.print(benchmark_table(summaries))
+    if any("barn_evaluated_in" in summary for summary in summaries):
+        click.echo("BARN scores: pm01 simulator, not the official BARN evaluation")
+    click.echo(f"wrote {folder.path}/results.json, results.csv and episodes.csv")
+    click.echo(f"next: pm01 report {folder.path}")
