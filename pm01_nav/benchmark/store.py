@@ -120,11 +120,17 @@ def read_part(file: Path) -> Part:
             arrays = dict(entry)
         header = json.loads(str(arrays.pop("header")))
         found = header.pop("format")
-        names = {field.name for field in fields(EpisodeResults)}
-        whole = set(arrays) == names and len({len(a) for a in arrays.values()}) == 1
-        keys = {"suite", "entry", "first", "about_suite", "about_entry"}
-        if found != FORMAT or not whole or not keys <= set(header):
-            raise InputError(f"{file}: is a results file of another version (format {found!r})")
-        return Part(header, EpisodeResults(**arrays))
+        whole = _is_whole(header, arrays)
     except (*UNREADABLE, TypeError, AttributeError) as error:
         raise InputError(f"{file}: is no readable results file; remove it") from error
+    if found != FORMAT or not whole:
+        raise InputError(f"{file}: is a results file of another version (format {found!r})")
+    return Part(header, EpisodeResults(**arrays))
+
+
+def _is_whole(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bool:
+    """Tell whether nothing is missing and the arrays have a row for each episode."""
+    names = {field.name for field in fields(EpisodeResults)}
+    keys = {"suite", "entry", "first", "about_suite", "about_entry"}
+    lengths = {len(array) for array in arrays.values()}
+    return set(arrays) == names and len(lengths) == 1 and keys <= set(header)

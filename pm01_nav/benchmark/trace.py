@@ -90,11 +90,13 @@ def load_trace(path: Path) -> Trace:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as entry:
             arrays = dict(entry)
         about = json.loads(str(arrays.pop("about")))
-        if about.pop("format") != FORMAT:
-            raise InputError(f"{path}: written by another version")
-        return Trace(about, **arrays)
-    except (*UNREADABLE, TypeError) as error:
+        found = about.pop("format")
+        trace = Trace(about, **arrays) if found == FORMAT else None
+    except (*UNREADABLE, TypeError, AttributeError) as error:
         raise InputError(f"{path}: is not a readable trace") from error
+    if trace is None:
+        raise InputError(f"{path}: is a trace of another version (format {found!r})")
+    return trace
 
 
 def trace_episode(evaluator: Evaluator, policy: Policy, number: int) -> Trace:

@@ -157,6 +157,7 @@ def _report(folder: ResultsFolder, suites: Sequence[Suite]) -> None:
     write_tables(merged, folder.path)
     names = [suite.name for suite in suites]
     summaries = [s for s in summaries_of(merged) if s["suite"] in names]
+    summaries.sort(key=lambda summary: names.index(summary["suite"]))
     console = Console()
     console.print(benchmark_table(summaries))
     if any("barn_evaluated_in" in summary for summary in summaries):

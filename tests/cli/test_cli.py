@@ -54,6 +54,19 @@ WRONG = {
     "unknown task": (["train", "--task", "moon", "--out", "x"], "task = 'moon'.*static"),
     "no out": (["train", "--task", "static"], "out: give --out"),
     "no task": (["train", "--out", "x"], "task: give --task"),
+    "benchmark without a suite": (["benchmark", "--out", "x"], "suite: give --suite or --sweep"),
+    "benchmark without a policy": (
+        ["benchmark", "--suite", "static", "--out", "x"],
+        "policy: give --policy or --planner",
+    ),
+    "benchmark of an unknown planner": (
+        ["benchmark", "--suite", "static", "--planner", "moon", "--out", "x"],
+        "planner = 'moon': unknown; allowed: .*dwa",
+    ),
+    "benchmark on an unknown sweep": (
+        ["benchmark", "--sweep", "moon", "--planner", "dwa", "--out", "x"],
+        "sweep = 'moon': unknown; allowed: density",
+    ),
     "unknown key": (
         ["train", "--task", "static", "--out", "x", "--set", "task.goal_raduis=1"],
         "task.goal_raduis: unknown key; allowed here: .*goal_radius",

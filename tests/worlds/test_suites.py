@@ -8,8 +8,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from pm01_nav.errors import InputError
 from pm01_nav.worlds.pool import generate_pool
-from pm01_nav.worlds.suites import SUITES, article, barn_like, empty, static
+from pm01_nav.worlds.suites import (
+    SUITES,
+    article,
+    barn_like,
+    empty,
+    static,
+    suite_generator,
+)
 from pm01_nav.worlds.world import World
 
 Generator = Callable[[np.random.Generator], World]
@@ -110,3 +118,34 @@ def test_barn_like_lets_the_widest_robot_pass_that_barn_does() -> None:
     # All published worlds let a disc of radius 0.35 m pass from start to goal.
     pool = generate_pool(barn_like, range(20), radius=0.35)
     assert len(pool) == 20
+
+
+def test_a_variant_has_what_it_was_asked_for() -> None:
+    rng = np.random.default_rng(0)
+    world = suite_generator("static", {"obstacles": 16})(rng)
+    # One in five is a box.
+    assert (len(world.discs), len(world.polygons)) == (13, 3)
+    slow, fast = (
+        suite_generator("crowd", {"pedestrians": 5, "speed_factor": factor})(
+            np.random.default_rng(3)
+        )
+        for factor in (1.0, 1.5)
+    )
+    assert len(slow.movers) == len(fast.movers) == 5
+    assert [m.speed for m in fast.movers] == pytest.approx([1.5 * m.speed for m in slow.movers])
+
+
+@pytest.mark.parametrize(
+    ("name", "params", "message"),
+    [
+        ("moon", {}, "suite = 'moon': unknown"),
+        ("rooms", {"obstacles": 3}, "suite_params.obstacles: unknown for suite rooms; .*none"),
+        ("static", {"pedestrians": 3}, "unknown for suite static; allowed: obstacles"),
+        ("static", {"obstacles": 3.5}, "obstacles = 3.5: must be a whole number, 0 to 60"),
+        ("static", {"obstacles": -1}, "obstacles = -1: must be a whole number"),
+        ("crowd", {"speed_factor": float("nan")}, "speed_factor = nan: must be a number"),
+    ],
+)
+def test_parameters_that_no_variant_has_are_refused(name: str, params, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        suite_generator(name, params)

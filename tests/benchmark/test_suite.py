@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A suite's hash covers all that decides what happens, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from pm01_nav.benchmark.suite import Suite, read_suite, sweep_suites
+from pm01_nav.benchmark.sweeps import SWEEPS
+from pm01_nav.errors import InputError
+from pm01_nav.task.config import ObservationConfig, RewardTerm
+from pm01_nav.worlds.suites.frozen import worlds_hash
+
+SUITE = read_suite("static", seed=1)
+
+
+def changed(**changes) -> Suite:
+    return replace(SUITE, task=SUITE.task.model_copy(update=changes))
+
+
+def test_the_same_suite_has_the_same_hash() -> None:
+    assert read_suite("static", seed=1).hash == SUITE.hash
+    assert len(SUITE.hash) == 64
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        read_suite("static", seed=2),
+        read_suite("empty", seed=1),
+        read_suite("static", seed=1, robot="jackal"),
+        read_suite("static", seed=1, randomization="on"),
+        changed(goal_radius=0.31),
+        changed(time_limit_steps=501),
+        changed(margin=0.11),
+        changed(suite_params={"obstacles": 8}),
+    ],
+    ids=lambda suite: suite.name,
+)
+def test_other_worlds_rules_or_robots_have_another(other: Suite) -> None:
+    assert other.hash != SUITE.hash
+
+
+def test_what_a_policy_learns_by_does_not_count() -> None:
+    assert changed(rewards={"goal": RewardTerm(weight=1.0)}).hash == SUITE.hash
+    assert changed(observation=ObservationConfig(sectors=72)).hash == SUITE.hash
+    assert changed(num_worlds=7).hash == SUITE.hash
+
+
+def test_worlds_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "pm01_nav.benchmark.suite.worlds_hash", lambda worlds: worlds_hash(worlds[1:])
+    )
+    assert read_suite("static", seed=1).hash != SUITE.hash
+
+
+def test_a_perturbed_suite_has_a_name_of_its_own(tmp_path) -> None:
+    file = tmp_path / "harsh.yaml"
+    file.write_text("command_delay: [2, 2]\n", encoding="utf-8")
+    assert read_suite("static", 1, randomization=str(file)).name == "static+harsh"
+    assert read_suite("static", 1, randomization="off") == SUITE
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("moon", "task = 'moon': unknown"),
+        ("barn", "its worlds are files; write barn=PATH"),
+        ("map=", "its worlds are files; write map=PATH"),
+        ("static=worlds", "the worlds of static are generated"),
+    ],
+)
+def test_unusable_suites_are_refused(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read_suite(text, seed=1)
+
+
+def test_files_that_are_missing_are_refused(tmp_path) -> None:
+    with pytest.raises(InputError):
+        _ = read_suite(f"barn={tmp_path}", seed=1).hash
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_every_point_of_a_sweep_is_a_suite_of_its_own(name: str) -> None:
+    suites = sweep_suites(name, seed=1)
+    assert [s.point.value for s in suites if s.point] == list(SWEEPS[name].values)
+    assert len({suite.hash for suite in suites}) == len(suites)
+    assert len({suite.name for suite in suites}) == len(suites)
+
+
+def test_a_sweep_changes_what_it_says() -> None:
+    noise = sweep_suites("lidar_noise", seed=1)[2].task.randomization
+    assert noise is not None
+    assert noise.lidar_noise_std == (0.05, 0.05)
+    assert noise.lidar_dropout == (0.0, 0.0)
+    assert sweep_suites("density", seed=1)[1].task.suite_params == {"obstacles": 8}
+
+
+def test_an_unknown_sweep_is_refused() -> None:
+    with pytest.raises(InputError, match="sweep = 'moon': unknown; allowed: density"):
+        sweep_suites("moon", seed=1)
