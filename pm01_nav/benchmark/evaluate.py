@@ -96,31 +96,33 @@ class Evaluator:
         *,
         first: int = 0,
         look_ahead: float | None = None,
-        pool: WorldPool | None = None,
     ) -> None:
         """Make or read the worlds of the episodes ``first`` to ``first + episodes``.
 
         With ``look_ahead`` [m] the policies are given points of a global plan instead of the goal;
-        success is judged at the goal all the same. ``pool`` are the worlds, where they are known.
+        success is judged at the goal all the same.
 
         Raises:
             InputError: the worlds cannot be had.
         """
         self.config, self.episodes, self.seed = config, episodes, seed
         self.first, self.look_ahead = first, look_ahead
-        self.pool = pool or world_pool(config, "held_out", episodes, seed, first=first)
+        self.pool = world_pool(config, "held_out", episodes, seed, first=first)
         self._reference = reference_lengths(config, self.pool)
         self._shortest: dict[int, float] = {}
 
-    def run(self, policy: Policy) -> tuple[EpisodeResults, float]:
+    def run(self, policy: Policy, numbers: IntArray | None = None) -> tuple[EpisodeResults, float]:
         """Run every episode; return the results and the wall time of driving [s].
 
-        A policy that raises an error or answers with something unusable loses that episode.
+        ``numbers`` are those of the episodes, if not all; in worlds from files they may lie outside
+        the evaluator's own. A policy that raises an error or answers with something unusable loses
+        that episode.
         """
+        if numbers is None:
+            numbers = np.arange(self.first, self.first + self.episodes)
         chunks, seconds = [], 0.0
-        for first in range(self.first, self.first + self.episodes, CHUNK):
-            numbers = np.arange(first, min(first + CHUNK, self.first + self.episodes))
-            parts, took = self._run(policy, numbers)
+        for begin in range(0, len(numbers), CHUNK):
+            parts, took = self._run(policy, numbers[begin : begin + CHUNK])
             chunks += parts
             seconds += took
         return _join(chunks), seconds

@@ -19,8 +19,6 @@ from pm01_nav.benchmark.suite import Suite
 from pm01_nav.benchmark.trace import trace_episode
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.task.terminations import out_of_time
-from pm01_nav.task.worlds import world_pool
-from pm01_nav.worlds.pool import WorldPool
 
 TIMED_STEPS = 300
 WARM_UP_STEPS = 10
@@ -48,7 +46,6 @@ class Worker:
     def __init__(self, folder: ResultsFolder, origin: dict[str, Any]) -> None:
         """Write into ``folder``; ``origin`` says where results come from (``provenance``)."""
         self._folder, self._origin = folder, origin
-        self._pools: dict[str, WorldPool] = {}
         self._evaluators: dict[tuple[str, int, int], Evaluator] = {}
         self._policies: dict[tuple[str, str], Policy] = {}
 
@@ -61,7 +58,9 @@ class Worker:
         {"episodes": self._drive, "timing": self._time, "replays": self._trace}[job.kind](job)
 
     def _drive(self, job: Job) -> None:
-        results, _ = self._evaluator(job.suite, job.first, job.count).run(self._policy(job))
+        evaluator = self._evaluator(job.suite, job.first, job.count)
+        numbers = np.arange(job.first, job.first + job.count)
+        results, _ = evaluator.run(self._policy(job), numbers)
         header = {
             "suite": job.suite.name,
             "entry": job.entry.name,
@@ -91,18 +90,13 @@ class Worker:
                 trace_episode(evaluator, self._policy(job), number).save(file)
 
     def _evaluator(self, suite: Suite, first: int, count: int) -> Evaluator:
-        key = (suite.name, first, count)
+        # Worlds from files are the same for all parts, and slow to read.
+        key = (suite.name, 0, 1) if suite.from_files else (suite.name, first, count)
         if key not in self._evaluators:
             while len(self._evaluators) >= KEPT_EVALUATORS:
                 self._evaluators.pop(next(iter(self._evaluators)))
-            pool = self._file_pool(suite) if suite.from_files else None
-            self._evaluators[key] = Evaluator(suite.task, count, suite.seed, first=first, pool=pool)
+            self._evaluators[key] = Evaluator(suite.task, key[2], suite.seed, first=key[1])
         return self._evaluators[key]
-
-    def _file_pool(self, suite: Suite) -> WorldPool:
-        if suite.name not in self._pools:
-            self._pools[suite.name] = world_pool(suite.task, "held_out", 1, suite.seed)
-        return self._pools[suite.name]
 
     def _policy(self, job: Job) -> Policy:
         key = (job.entry.name, job.suite.name)

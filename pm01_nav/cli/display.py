@@ -89,6 +89,9 @@ def results_table(columns: dict[str, dict[str, Any]], title: str) -> Table:
         ("timeout", "timeout_rate"),
     ):
         table.add_row(label, *(_rate(summary, key) for summary in columns.values()))
+    if any("failure_rate" in summary for summary in columns.values()):
+        failed = (f"{100 * s.get('failure_rate', 0.0):.1f} %" for s in columns.values())
+        table.add_row("the policy failed", *failed)
     for label, key, unit in (
         ("SPL", "spl", ""),
         ("time to goal", "time_to_goal_s", " s"),

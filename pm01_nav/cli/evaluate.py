@@ -85,5 +85,7 @@ def _report(summary: dict[str, Any], title: str, json_file: str | None) -> None:
     if json_file:
         write_atomically(json_file, text + "\n")
     Console().print(results_table({summary["policy"]: summary}, title))
+    for reason, count in summary.get("failures", {}).items():
+        click.echo(f"failed {count} times: {reason}")
     if "barn_evaluated_in" in summary:
         click.echo(f"BARN scores: {summary['barn_evaluated_in']}")

@@ -259,3 +259,10 @@ def test_dynabarn_scores_with_the_true_length_and_as_published(dynabarn: TaskCon
     assert summary["barn_score_2022"] == pytest.approx(0.25)
     assert summary["dynabarn_score_as_published"] == pytest.approx(0.125)
     assert summary["barn_worlds"] == 1
+
+
+def test_worlds_from_files_are_visited_in_turn(dynabarn: TaskConfig) -> None:
+    evaluator = Evaluator(dynabarn.model_copy(update={"time_limit_steps": 1}), 1, 0)
+    results, _ = evaluator.run(Constant(0.0, 0.0), np.arange(7, 10))
+    assert results.world.tolist() == [0, 0, 0]
+    assert results.reference_path == pytest.approx([20.0] * 3)
