@@ -109,6 +109,8 @@ def run_plan(folder: ResultsFolder, plan: Plan, processes: int) -> Iterator[Job]
         raise InputError(
             "a worker process died (out of memory?); the same command goes on where it stopped"
         ) from None
+    except OSError as error:
+        raise InputError(f"{folder.path}: cannot be written: {error.strerror or error}") from None
     finally:
         # Nobody waits for half-done jobs after an interrupt or an error.
         stop.set()

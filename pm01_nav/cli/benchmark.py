@@ -133,6 +133,14 @@ def _entries(policies: tuple[str, ...], planners: tuple[str, ...]) -> list[Entry
 
 def _run(folder: ResultsFolder, plan: Plan, jobs: int | None) -> None:
     """Run with a progress bar; it counts episodes."""
+    try:
+        _follow(folder, plan, jobs)
+    except KeyboardInterrupt:
+        click.echo("interrupted; the same command goes on where it stopped", err=True)
+        raise SystemExit(130) from None
+
+
+def _follow(folder: ResultsFolder, plan: Plan, jobs: int | None) -> None:
     from pm01_nav.benchmark.runner import run_plan
     from pm01_nav.cli.display import episodes_bar
     from pm01_nav.provenance import machine

@@ -74,6 +74,14 @@ def test_a_worker_that_fails_says_why(tmp_path: Path) -> None:
         list(run_plan(folder, good._replace(episodes=bad), processes=1))
 
 
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    folder = ResultsFolder(file / "results")
+    with pytest.raises(InputError, match="cannot be written: Not a directory"):
+        list(run_plan(folder, plan(folder, 2), processes=1))
+
+
 @pytest.mark.slow
 def test_a_killed_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
     out = tmp_path / "results"
