@@ -15,7 +15,7 @@ from pydantic import Field
 
 from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
-from pm01_nav.planners.distance_field import DistanceFields, distance_at
+from pm01_nav.planners.distance_field import DistanceFields, clearance_at, covering_discs
 from pm01_nav.planners.guided import GuidedPlanner, GuideParams, Situation
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.collision import polar
@@ -66,6 +66,7 @@ class MPPI(GuidedPlanner):
         super().__init__(robot, control_dt, params.guide, params.look_ahead)
         self.params = params
         limits = robot.limits
+        self._discs = covering_discs(robot.footprint)
         radius = robot.footprint.circumscribed_radius + params.margin
         reach = limits.linear_max * params.steps * control_dt + params.repulsion_distance
         self._fields = DistanceFields(
@@ -80,7 +81,7 @@ class MPPI(GuidedPlanner):
             control_dt,
         )
         self._weights = (
-            radius,
+            params.margin,
             params.collision_weight,
             params.repulsion_weight,
             params.repulsion_distance,
@@ -113,6 +114,7 @@ class MPPI(GuidedPlanner):
             self._noise,
             self._std,
             self._fields(situation.scan),
+            self._discs,
             situation.carrot,
             np.ascontiguousarray(situation.velocity),
             self._limits,
@@ -126,14 +128,14 @@ class MPPI(GuidedPlanner):
 
 
 @compiled(parallel=True)
-def _improve(plan, noise, std, fields, carrot, velocity, limits, weights, costs):
+def _improve(plan, noise, std, fields, discs, carrot, velocity, limits, weights, costs):
     """Replace each robot's plan (steps, 2) by the weighted mean of its rollouts."""
     rollouts, steps = noise.shape[0], noise.shape[1]
     for i in prange(plan.shape[0]):
         least = np.inf
         for k in range(rollouts):
             costs[i, k] = _roll_out(
-                plan, noise, std, fields, carrot, velocity, limits, weights, i, k
+                plan, noise, std, fields, discs, carrot, velocity, limits, weights, i, k
             )
             least = min(least, costs[i, k])
         total = 0.0
@@ -150,14 +152,14 @@ def _improve(plan, noise, std, fields, carrot, velocity, limits, weights, costs)
 
 
 @compiled(inline=False)
-def _roll_out(plan, noise, std, fields, carrot, velocity, limits, weights, i, k):
+def _roll_out(plan, noise, std, fields, discs, carrot, velocity, limits, weights, i, k):
     """Return the cost of one future of robot i."""
     v_min, v_max, w_max, v_change, w_change, dt = limits
-    radius, collision, repulsion, distance = weights[0], weights[1], weights[2], weights[3]
+    margin, collision, repulsion, distance = weights[0], weights[1], weights[2], weights[3]
     x = y = sin = cost = 0.0
     cos = 1.0
     v, w = velocity[i, 0], velocity[i, 1]
-    start = distance_at(fields, i, 0.0, 0.0)
+    start = clearance_at(fields, discs, i, x, y, cos, sin)
     steps = plan.shape[1]
     for t in range(steps):
         v_aim = min(max(plan[i, t, 0] + noise[k, t, 0], v_min), v_max)
@@ -165,11 +167,11 @@ def _roll_out(plan, noise, std, fields, carrot, velocity, limits, weights, i, k)
         v += min(max(v_aim - v, -v_change), v_change)
         w += min(max(w_aim - w, -w_change), w_change)
         x, y, cos, sin = arc(x, y, cos, sin, v, w, dt)
-        here = distance_at(fields, i, x, y)
-        if here < radius and here < start:
+        here = clearance_at(fields, discs, i, x, y, cos, sin)
+        if here < min(margin, start):
             cost += collision
             break
-        near = 1.0 - (here - radius) / distance
+        near = 1.0 - (here - margin) / distance
         cost += repulsion * max(near, 0.0) / steps + weights[6] * max(-v, 0.0) * dt
         change = plan[i, t, 0] * noise[k, t, 0] / (std[0] * std[0])
         change += plan[i, t, 1] * noise[k, t, 1] / (std[1] * std[1])
