@@ -12,6 +12,7 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 from pydantic import Field
+from scipy import ndimage
 
 from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
@@ -23,6 +24,10 @@ from pm01_nav.sim.dynamics import arc
 
 FloatArray = NDArray[np.float64]
 NOISE_SEED = 0
+SHIFT = 7
+"""Steps by which the noise is moved along the rollouts from one control step to the next."""
+SMOOTHING = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
+"""Savitzky-Golay filter of 5 points and 2nd order, with which Nav2, too, smooths the commands."""
 
 
 class MPPIParams(FrozenModel):
@@ -91,16 +96,19 @@ class MPPI(GuidedPlanner):
             params.gamma,
             params.temperature,
         )
-        # The same noise at each step, like Nav2's: drawing it anew takes longer than all the rest.
+        # Drawing noise anew takes longer than all the rest. The same noise moved along in time does
+        # not add the same error to the plan at each step.
         rng = np.random.default_rng(NOISE_SEED)
-        self._noise = rng.standard_normal((params.rollouts, params.steps, 2))
-        self._noise *= [params.linear_std, params.angular_std]
+        noise = rng.standard_normal((params.rollouts, params.steps, 2))
+        noise *= [params.linear_std, params.angular_std]
+        self._noise = np.concatenate([noise, noise], axis=1)
         self._std = np.array([params.linear_std, params.angular_std])
 
     def begin(self, count: int) -> None:
         """Begin maps and plans; all commands are zero."""
         super().begin(count)
         self._plan = np.zeros((count, self.params.steps, 2))
+        self._count = 0
 
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Go on with these of the robots only."""
@@ -109,9 +117,11 @@ class MPPI(GuidedPlanner):
 
     def command(self, situation: Situation) -> FloatArray:
         """Return the first commands of the improved plans."""
+        shift = SHIFT * self._count % self.params.steps
+        self._count += 1
         _improve(
             self._plan,
-            self._noise,
+            self._noise[:, shift : shift + self.params.steps],
             self._std,
             self._fields(situation.scan),
             self._discs,
@@ -121,6 +131,13 @@ class MPPI(GuidedPlanner):
             self._weights,
             np.empty((len(self._plan), self.params.rollouts)),
         )
+        smooth = ndimage.convolve1d(self._plan, SMOOTHING, axis=1, mode="nearest")
+        limits = self.robot.limits
+        low, high = (
+            (limits.linear_min, -limits.angular_max),
+            (limits.linear_max, limits.angular_max),
+        )
+        self._plan = np.clip(smooth, low, high)
         command = self._plan[:, 0].copy()
         # The next step begins with what is left of the plan.
         self._plan[:, :-1] = self._plan[:, 1:]

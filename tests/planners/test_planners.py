@@ -172,6 +172,19 @@ def test_a_point_at_the_robots_own_place_is_not_aimed_at() -> None:
     assert _not_too_near(plan, np.array([1.0, 0.5])) == pytest.approx([1.0, 0.5])
 
 
+def test_mppi_drives_on_at_nearly_full_speed() -> None:
+    # The goal stays 3 m ahead, and the robot does as it is told: 0.5 m/s is its greatest speed.
+    # Noise that is the same at each step added up to commands that differ from step to step.
+    planner = make_planner("mppi", load_robot("pm01"), 0.1)
+    velocity, commands = np.zeros(2), []
+    for _ in range(40):
+        velocity = planner.act(np.full(360, np.inf), [3.0, 0.0], velocity)
+        commands.append(velocity)
+    late = np.array(commands[20:])
+    assert late[:, 0].mean() > 0.4
+    assert np.abs(np.diff(late[:, 1])).mean() < 0.1
+
+
 @pytest.fixture
 def wall(monkeypatch):
     """Return the task of driving around a wall that stands between start and goal."""
