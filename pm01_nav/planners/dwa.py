@@ -15,11 +15,11 @@ from pydantic import Field
 
 from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
-from pm01_nav.planners.distance_field import DistanceFields, distance_at
+from pm01_nav.planners.distance_field import DistanceFields, clearance_at, covering_discs
 from pm01_nav.planners.guided import GuidedPlanner, GuideParams, Situation
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.collision import polar
-from pm01_nav.sim.dynamics import arc
+from pm01_nav.sim.dynamics import arc, next_speed
 
 FloatArray = NDArray[np.float64]
 
@@ -67,14 +67,15 @@ class DWA(GuidedPlanner):
             limits.linear_acceleration,
             limits.angular_acceleration,
         )
-        radius = robot.footprint.circumscribed_radius + params.margin
+        self._discs = covering_discs(robot.footprint)
         self._arcs = (
-            radius,
+            params.margin,
             params.window,
             params.horizon,
             params.steps,
             params.clearance_limit,
-            control_dt + robot.actuator.lag_s,
+            control_dt,
+            _left_by_lag(robot, params.horizon / params.steps),
         )
         self._samples = (params.linear_samples, params.angular_samples)
         self._weights = (
@@ -89,6 +90,7 @@ class DWA(GuidedPlanner):
         chosen = np.zeros_like(situation.carrot)
         _choose(
             self._fields(situation.scan),
+            self._discs,
             situation.carrot,
             np.ascontiguousarray(situation.velocity),
             self._limits,
@@ -100,8 +102,14 @@ class DWA(GuidedPlanner):
         return chosen
 
 
+def _left_by_lag(robot: RobotSpec, dt: float) -> float:
+    """Return the part of a speed's error that the actuators' lag leaves after ``dt`` [s]."""
+    lag = robot.actuator.lag_s
+    return float(np.exp(-dt / lag)) if lag > 0.0 else 0.0
+
+
 @compiled(parallel=True)
-def _choose(fields, carrot, velocity, limits, arcs, samples, weights, chosen):
+def _choose(fields, discs, carrot, velocity, limits, arcs, samples, weights, chosen):
     """Write the speeds of the best admissible arc of each robot; on the spot if there is none."""
     v_max, w_max, v_acceleration, w_acceleration = limits
     window = arcs[1]
@@ -112,39 +120,50 @@ def _choose(fields, carrot, velocity, limits, arcs, samples, weights, chosen):
         w_low = max(velocity[i, 1] - w_acceleration * window, -w_max)
         w_high = min(velocity[i, 1] + w_acceleration * window, w_max)
         chosen[i, 0] = 0.0
-        chosen[i, 1] = w_max if carrot[i, 1] >= 0.0 else -w_max
+        # Only a disc turns on the spot in the room that it takes.
+        turn = w_max if discs.shape[0] == 1 else 0.0
+        chosen[i, 1] = turn if carrot[i, 1] >= 0.0 else -turn
         for a in range(samples[0]):
             v = v_low + (v_high - v_low) * a / (samples[0] - 1)
             for b in range(samples[1]):
                 w = w_low + (w_high - w_low) * b / (samples[1] - 1)
-                score = _judge(fields, carrot, i, v, w, limits, arcs, weights)
+                speeds = (velocity[i, 0], velocity[i, 1], v, w)
+                score = _judge(fields, discs, carrot, i, speeds, limits, arcs, weights)
                 if score > best:
                     best = score
                     chosen[i, 0], chosen[i, 1] = v, w
 
 
 @compiled(inline=False)
-def _judge(fields, carrot, i, v, w, limits, arcs, weights):
-    """Return how good an arc is, minus infinity if the robot could not stop before an obstacle."""
-    radius, _, horizon, steps, clearance_limit, reaction = arcs
+def _judge(fields, discs, carrot, i, speeds, limits, arcs, weights):
+    """Return how good a pair of speeds is, minus infinity if it leads into an obstacle.
+
+    The robot takes on the commanded speeds as it can, which bends the beginning of the arc.
+    """
+    margin, _, horizon, steps, clearance_limit, reaction, keep = arcs
     dt = horizon / steps
+    v, w, v_aim, w_aim = speeds
     x = y = sin = 0.0
     cos = 1.0
-    start = distance_at(fields, i, 0.0, 0.0)
+    start = clearance_at(fields, discs, i, x, y, cos, sin)
     least = start
     for k in range(steps):
+        v = next_speed(v, v_aim, keep, limits[2] * dt)
+        w = next_speed(w, w_aim, keep, limits[3] * dt)
         x, y, cos, sin = arc(x, y, cos, sin, v, w, dt)
-        here = distance_at(fields, i, x, y)
+        here = clearance_at(fields, discs, i, x, y, cos, sin)
         least = min(least, here)
-        if here < radius and here <= start:
-            # Fox et al., eq. 14: slow enough to stop within the way that is left.
-            way = v * max(k * dt - reaction, 0.0)
-            if v > np.sqrt(2.0 * way * limits[2]) or k == 0:
+        # A robot that is close already may move away.
+        if here < min(margin, start):
+            # Fox et al., eq. 14: slow enough to stop within the way and the turn that are left.
+            left = max(k * dt - reaction, 0.0)
+            stops = v_aim <= 2.0 * left * limits[2] and abs(w_aim) <= 2.0 * left * limits[3]
+            if not stops or k == 0:
                 return -np.inf
             break
     before = np.sqrt(carrot[i, 0] * carrot[i, 0] + carrot[i, 1] * carrot[i, 1])
     away, bearing = polar(carrot[i, 0] - x, carrot[i, 1] - y, cos, sin)
     progress = (before - away) / (limits[0] * horizon)
-    clear = min(max(least - radius, 0.0) / clearance_limit, 1.0)
+    clear = min(max(least - margin, 0.0) / clearance_limit, 1.0)
     score = weights[0] * (1.0 - abs(bearing) / np.pi) + weights[1] * progress
-    return score + weights[2] * clear + weights[3] * v / limits[0]
+    return score + weights[2] * clear + weights[3] * v_aim / limits[0]

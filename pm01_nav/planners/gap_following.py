@@ -93,7 +93,10 @@ def _choose(free, goals, settings, direction):
         elif abs(bearing) > view:
             direction[i] = middle
         else:
-            ratio = weight / max(free[i].min(), 1e-3)
+            nearest = np.inf
+            for s in range(SECTORS):
+                nearest = min(nearest, free[i, s])
+            ratio = weight / max(nearest, 1e-3)
             direction[i] = (ratio * middle + bearing) / (ratio + 1.0)
 
 

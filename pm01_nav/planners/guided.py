@@ -16,10 +16,13 @@ from pm01_nav.geometry import to_frame, to_world
 from pm01_nav.planners.rolling_costmap import CostmapParams, RollingCostmap
 from pm01_nav.planners.scan_planner import ScanPlanner, clean_ranges
 from pm01_nav.robot import RobotSpec
-from pm01_nav.worlds.global_plan import Costmap, GlobalPlan, plan_path
+from pm01_nav.worlds.free_space import FreeSpace
+from pm01_nav.worlds.global_plan import SNAP_DISTANCE, Costmap, GlobalPlan, plan_path
 
 FloatArray = NDArray[np.float64]
 
+LEAST_AHEAD = 0.3
+"""A point that is nearer on the plan gives no direction [m]."""
 EDGE = 3
 """A goal beyond the map is sought this many cells inside its edge."""
 
@@ -50,6 +53,16 @@ class Situation:
     """Measured v, w [m/s, rad/s], shape (n, 2)."""
 
 
+def _not_too_near(plan: GlobalPlan, point: FloatArray) -> FloatArray:
+    """Return a plan's point ahead, or the one at ``LEAST_AHEAD`` if the robot is there already."""
+    along = np.cumsum([0.0, *np.linalg.norm(np.diff(plan.path, axis=0), axis=1)])
+    here, least = (
+        np.array([np.interp(plan.progress + ahead, along, plan.path[:, k]) for k in range(2)])
+        for ahead in (0.0, LEAST_AHEAD)
+    )
+    return least if np.linalg.norm(point - here) < LEAST_AHEAD else point
+
+
 class GuidedPlanner(ScanPlanner):
     """Plan with A* on a rolling costmap, and leave the next command to a subclass.
 
@@ -69,6 +82,7 @@ class GuidedPlanner(ScanPlanner):
         self._guide, self._look_ahead = guide, look_ahead
         self._map: RollingCostmap | None = None
         self._plans: list[GlobalPlan | None] = []
+        self._spaces: list[FreeSpace | None] = []
         self._age = np.zeros(0, dtype=np.int64)
 
     @abstractmethod
@@ -84,12 +98,14 @@ class GuidedPlanner(ScanPlanner):
         assert self._map is not None
         self._map.keep(robots)
         self._plans = [self._plans[i] for i in robots]
+        self._spaces = [self._spaces[i] for i in robots]
         self._age = self._age[robots]
 
     def begin(self, count: int) -> None:
         """Begin the memory of ``count`` robots; a subclass adds its own."""
         self._map = RollingCostmap(self.robot, self.control_dt, count, self._guide.costmap)
         self._plans = [None] * count
+        self._spaces = [None] * count
         self._age = np.zeros(count, dtype=np.int64)
 
     def plan(self, scan: NDArray[np.float32], goal: FloatArray, velocity: FloatArray) -> FloatArray:
@@ -117,17 +133,34 @@ class GuidedPlanner(ScanPlanner):
         ahead = plan.look_ahead(position, self._look_ahead)
         keeps = ahead.visible and ahead.deviation <= self._guide.strayed
         if not keeps and self._age[i] >= self._guide.patience_steps:
-            ahead = self._replan(maps, i, goal).look_ahead(position, self._look_ahead)
-        return ahead.point
+            plan = self._replan(maps, i, goal)
+            ahead = plan.look_ahead(position, self._look_ahead)
+        return self._way_out(i, position, _not_too_near(plan, ahead.point))
+
+    def _way_out(self, i: int, position: FloatArray, point: FloatArray) -> FloatArray:
+        """Return a point towards free space for a robot that is too close, else ``point``.
+
+        The straight way to a point ahead may lead along the very corner that it is too close to.
+        """
+        space = self._spaces[i]
+        assert space is not None
+        x, y = position
+        own, cell = space.cell(x, y), space.nearest_free(x, y, SNAP_DISTANCE)
+        if cell is None or own is None or cell == own:
+            return point
+        way = space.centre(*np.array(cell)[:, None])[0] - position
+        # Further away than the cell, so that it gives a direction.
+        return position + LEAST_AHEAD / max(float(np.linalg.norm(way)), 1e-6) * way
 
     def _replan(self, maps: RollingCostmap, i: int, goal: FloatArray) -> GlobalPlan:
         """Plan from where robot i is; if there is no way, straight at the goal."""
-        position, costmap = maps.pose[i, :2], maps.costmap(i)
+        position, (costmap, roomy) = maps.pose[i, :2], maps.costmaps(i)
         try:
             path = plan_path(costmap, position, self._reachable(costmap, goal))
         except InputError:
             path = np.array([position, goal])
-        self._plans[i] = plan = GlobalPlan(costmap, path)
+        self._plans[i] = plan = GlobalPlan(roomy, path)
+        self._spaces[i] = costmap.space
         self._age[i] = 0
         return plan
 

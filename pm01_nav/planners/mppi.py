@@ -12,10 +12,11 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 from pydantic import Field
+from scipy import ndimage
 
 from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
-from pm01_nav.planners.distance_field import DistanceFields, distance_at
+from pm01_nav.planners.distance_field import DistanceFields, clearance_at, covering_discs
 from pm01_nav.planners.guided import GuidedPlanner, GuideParams, Situation
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.collision import polar
@@ -23,6 +24,10 @@ from pm01_nav.sim.dynamics import arc
 
 FloatArray = NDArray[np.float64]
 NOISE_SEED = 0
+SHIFT = 7
+"""Steps by which the noise is moved along the rollouts from one control step to the next."""
+SMOOTHING = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
+"""Savitzky-Golay filter of 5 points and 2nd order, with which Nav2, too, smooths the commands."""
 
 
 class MPPIParams(FrozenModel):
@@ -66,6 +71,7 @@ class MPPI(GuidedPlanner):
         super().__init__(robot, control_dt, params.guide, params.look_ahead)
         self.params = params
         limits = robot.limits
+        self._discs = covering_discs(robot.footprint)
         radius = robot.footprint.circumscribed_radius + params.margin
         reach = limits.linear_max * params.steps * control_dt + params.repulsion_distance
         self._fields = DistanceFields(
@@ -80,7 +86,7 @@ class MPPI(GuidedPlanner):
             control_dt,
         )
         self._weights = (
-            radius,
+            params.margin,
             params.collision_weight,
             params.repulsion_weight,
             params.repulsion_distance,
@@ -90,16 +96,19 @@ class MPPI(GuidedPlanner):
             params.gamma,
             params.temperature,
         )
-        # The same noise at each step, like Nav2's: drawing it anew takes longer than all the rest.
+        # Drawing noise anew takes longer than all the rest. The same noise moved along in time does
+        # not add the same error to the plan at each step.
         rng = np.random.default_rng(NOISE_SEED)
-        self._noise = rng.standard_normal((params.rollouts, params.steps, 2))
-        self._noise *= [params.linear_std, params.angular_std]
+        noise = rng.standard_normal((params.rollouts, params.steps, 2))
+        noise *= [params.linear_std, params.angular_std]
+        self._noise = np.concatenate([noise, noise], axis=1)
         self._std = np.array([params.linear_std, params.angular_std])
 
     def begin(self, count: int) -> None:
         """Begin maps and plans; all commands are zero."""
         super().begin(count)
         self._plan = np.zeros((count, self.params.steps, 2))
+        self._count = 0
 
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Go on with these of the robots only."""
@@ -108,17 +117,27 @@ class MPPI(GuidedPlanner):
 
     def command(self, situation: Situation) -> FloatArray:
         """Return the first commands of the improved plans."""
+        shift = SHIFT * self._count % self.params.steps
+        self._count += 1
         _improve(
             self._plan,
-            self._noise,
+            self._noise[:, shift : shift + self.params.steps],
             self._std,
             self._fields(situation.scan),
+            self._discs,
             situation.carrot,
             np.ascontiguousarray(situation.velocity),
             self._limits,
             self._weights,
             np.empty((len(self._plan), self.params.rollouts)),
         )
+        smooth = ndimage.convolve1d(self._plan, SMOOTHING, axis=1, mode="nearest")
+        limits = self.robot.limits
+        low, high = (
+            (limits.linear_min, -limits.angular_max),
+            (limits.linear_max, limits.angular_max),
+        )
+        self._plan = np.clip(smooth, low, high)
         command = self._plan[:, 0].copy()
         # The next step begins with what is left of the plan.
         self._plan[:, :-1] = self._plan[:, 1:]
@@ -126,14 +145,14 @@ class MPPI(GuidedPlanner):
 
 
 @compiled(parallel=True)
-def _improve(plan, noise, std, fields, carrot, velocity, limits, weights, costs):
+def _improve(plan, noise, std, fields, discs, carrot, velocity, limits, weights, costs):
     """Replace each robot's plan (steps, 2) by the weighted mean of its rollouts."""
     rollouts, steps = noise.shape[0], noise.shape[1]
     for i in prange(plan.shape[0]):
         least = np.inf
         for k in range(rollouts):
             costs[i, k] = _roll_out(
-                plan, noise, std, fields, carrot, velocity, limits, weights, i, k
+                plan, noise, std, fields, discs, carrot, velocity, limits, weights, i, k
             )
             least = min(least, costs[i, k])
         total = 0.0
@@ -150,14 +169,14 @@ def _improve(plan, noise, std, fields, carrot, velocity, limits, weights, costs)
 
 
 @compiled(inline=False)
-def _roll_out(plan, noise, std, fields, carrot, velocity, limits, weights, i, k):
+def _roll_out(plan, noise, std, fields, discs, carrot, velocity, limits, weights, i, k):
     """Return the cost of one future of robot i."""
     v_min, v_max, w_max, v_change, w_change, dt = limits
-    radius, collision, repulsion, distance = weights[0], weights[1], weights[2], weights[3]
+    margin, collision, repulsion, distance = weights[0], weights[1], weights[2], weights[3]
     x = y = sin = cost = 0.0
     cos = 1.0
     v, w = velocity[i, 0], velocity[i, 1]
-    start = distance_at(fields, i, 0.0, 0.0)
+    start = clearance_at(fields, discs, i, x, y, cos, sin)
     steps = plan.shape[1]
     for t in range(steps):
         v_aim = min(max(plan[i, t, 0] + noise[k, t, 0], v_min), v_max)
@@ -165,11 +184,11 @@ def _roll_out(plan, noise, std, fields, carrot, velocity, limits, weights, i, k)
         v += min(max(v_aim - v, -v_change), v_change)
         w += min(max(w_aim - w, -w_change), w_change)
         x, y, cos, sin = arc(x, y, cos, sin, v, w, dt)
-        here = distance_at(fields, i, x, y)
-        if here < radius and here < start:
+        here = clearance_at(fields, discs, i, x, y, cos, sin)
+        if here < min(margin, start):
             cost += collision
             break
-        near = 1.0 - (here - radius) / distance
+        near = 1.0 - (here - margin) / distance
         cost += repulsion * max(near, 0.0) / steps + weights[6] * max(-v, 0.0) * dt
         change = plan[i, t, 0] * noise[k, t, 0] / (std[0] * std[0])
         change += plan[i, t, 1] * noise[k, t, 1] / (std[1] * std[1])

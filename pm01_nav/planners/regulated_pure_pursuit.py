@@ -12,13 +12,20 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from pm01_nav.compilation import compiled
-from pm01_nav.planners.distance_field import DistanceFields, distance_at
+from pm01_nav.planners.distance_field import (
+    DistanceFields,
+    Fields,
+    clearance_at,
+    covering_discs,
+)
 from pm01_nav.planners.guided import GuidedPlanner, Situation
 from pm01_nav.planners.pure_pursuit import PurePursuitParams, pursue
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.dynamics import arc
 
 FloatArray = NDArray[np.float64]
+ALIGNED = 0.1
+"""Turning on the spot to a point less far to the side changes nothing [rad]."""
 STEPS = 20
 """Places looked at on an arc."""
 
@@ -49,20 +56,19 @@ class RegulatedPurePursuit(GuidedPlanner):
         """Follow plans with a robot that is commanded every ``control_dt`` [s]."""
         super().__init__(robot, control_dt, params.guide, params.look_ahead)
         self.params = params
+        self._discs = covering_discs(robot.footprint)
         reach = robot.limits.linear_max * params.collision_time + 1.0
         self._fields = DistanceFields(robot, reach)
 
     def command(self, situation: Situation) -> FloatArray:
         """Return the regulated arcs to the carrots.
 
-        Where an arc would collide it is tried slower, which is shorter, and else the robot turns
-        on the spot.
+        Where an arc would collide it is tried slower, which is shorter. Else the robot turns on
+        the spot, and where that collides or changes nothing it backs up, like Nav2's recovery.
         """
         limits, params, carrot = self.robot.limits, self.params, situation.carrot
-        radius = self.robot.footprint.circumscribed_radius
-        fields = self._fields(situation.scan)
-        half = self._fields.half
-        clearance = np.maximum(fields[:, half, half].astype(np.float64) - radius, 0.0)
+        fields, clearance = self._fields(situation.scan), np.zeros(len(carrot))
+        _clearance(fields, self._discs, clearance)
         squared = np.maximum((carrot**2).sum(axis=1), 1e-6)
         arc_radius = squared / np.maximum(2.0 * np.abs(carrot[:, 1]), 1e-9)
         bend = np.minimum(arc_radius / params.least_radius, 1.0)
@@ -72,37 +78,54 @@ class RegulatedPurePursuit(GuidedPlanner):
         least = params.least_speed * limits.linear_max
         speed = np.maximum(params.speed * limits.linear_max * np.minimum(bend, near), least)
         command = pursue(carrot, speed, limits.angular_max, params)
-        scale = np.zeros(len(carrot))
-        margin = radius + params.collision_margin
-        _slow_down(fields, command, margin, params.collision_time, scale)
         bearing = np.arctan2(carrot[:, 1], carrot[:, 0])
         turning = np.clip(params.rotate_gain * bearing, -limits.angular_max, limits.angular_max)
-        on_the_spot = np.stack([0.0 * turning, turning], axis=-1)
-        return np.where(scale[:, None] > 0.0, scale[:, None] * command, on_the_spot)
+        turning *= np.abs(bearing) > ALIGNED
+        back = np.full(len(carrot), max(-least, limits.linear_min))
+        on_the_spot, backwards = (
+            self._freed(fields, np.stack(twist, axis=-1))
+            for twist in ((0.0 * turning, turning), (back, 0.0 * back))
+        )
+        command = self._freed(fields, command)
+        command = np.where(command.any(axis=1, keepdims=True), command, on_the_spot)
+        return np.where(command.any(axis=1, keepdims=True), command, backwards)
+
+    def _freed(self, fields: Fields, command: FloatArray) -> FloatArray:
+        """Return commands (n, 2) slowed until they are free, zero if they cannot be."""
+        scale = np.zeros(len(command))
+        reach = (self.params.collision_margin, self.params.collision_time)
+        _slow_down(fields, self._discs, command, reach, scale)
+        return scale[:, None] * command
 
 
 @compiled
-def _slow_down(fields, command, radius, duration, scale):
-    """Write by which factor each command must be slowed to be free for ``duration`` [s], or 0."""
+def _clearance(fields, discs, clearance):
+    """Write how much room each robot has [m], 0 in contact."""
+    for i in range(clearance.shape[0]):
+        clearance[i] = max(clearance_at(fields, discs, i, 0.0, 0.0, 1.0, 0.0), 0.0)
+
+
+@compiled
+def _slow_down(fields, discs, command, reach, scale):
+    """Write by which factor each command must be slowed to be free, or 0 if it cannot be."""
     for i in range(command.shape[0]):
         scale[i] = 1.0
-        while scale[i] > 0.0 and not _is_free(fields, i, command, scale[i], radius, duration):
+        while scale[i] > 0.0 and not _is_free(fields, discs, i, command, scale[i], reach):
             scale[i] = 0.5 * scale[i] if scale[i] > 0.2 else 0.0
 
 
 @compiled(inline=False)
-def _is_free(fields, i, command, scale, radius, duration):
-    """Tell whether a disc of ``radius`` [m] can follow a slowed command for ``duration`` [s]."""
+def _is_free(fields, discs, i, command, scale, reach):
+    """Tell whether a robot can follow a slowed command with some margin [m] for some time [s]."""
+    margin, duration = reach
     dt = duration / STEPS
     v, w = scale * command[i, 0], scale * command[i, 1]
     x = y = sin = 0.0
     cos = 1.0
-    before = distance_at(fields, i, 0.0, 0.0)
+    # A robot that is close already may move away.
+    least = min(margin, clearance_at(fields, discs, i, x, y, cos, sin))
     for _ in range(STEPS):
         x, y, cos, sin = arc(x, y, cos, sin, v, w, dt)
-        here = distance_at(fields, i, x, y)
-        # A robot that is close already may move away.
-        if here < radius and here < before:
+        if clearance_at(fields, discs, i, x, y, cos, sin) < least:
             return False
-        before = min(before, here)
     return True

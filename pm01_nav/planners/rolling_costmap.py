@@ -19,7 +19,7 @@ from pm01_nav.planners.scan_planner import clean_ranges
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.observation import scan_geometry
 from pm01_nav.worlds.free_space import FreeSpace
-from pm01_nav.worlds.global_plan import Costmap, inflate
+from pm01_nav.worlds.global_plan import INFLATION_DISTANCE, INFLATION_WEIGHT, Costmap
 
 FloatArray = NDArray[np.float64]
 
@@ -33,8 +33,8 @@ class CostmapParams(FrozenModel):
     """Cells along a side."""
     obstacle_range: float = Field(default=6.0, gt=0.0)
     """Returns further away are not marked, and beams clear no further [m]."""
-    padding: float = Field(default=0.05, ge=0.0)
-    """The robot's circumscribed radius is taken this much larger [m]."""
+    padding: float = Field(default=0.08, ge=0.0)
+    """The robot's inscribed radius is taken this much larger [m]."""
 
 
 class RollingCostmap:
@@ -50,8 +50,10 @@ class RollingCostmap:
         self._dt = control_dt
         self._velocity: FloatArray | None = None
         self._occupied = np.zeros((count, params.size, params.size), dtype=np.uint8)
+        # Where in its cell the last return was, as parts of a cell: walls are not moved to centres.
+        self._place = np.zeros((count, params.size, params.size, 2), dtype=np.float32)
         self._corner = np.full((count, 2), -(params.size // 2))
-        self._radius = robot.footprint.circumscribed_radius + params.padding
+        self._radius = robot.footprint.inscribed_radius + params.padding
         lidar = robot.lidar
         self._geometry = scan_geometry(lidar)
         self._mount = (lidar.x, lidar.y)
@@ -73,7 +75,8 @@ class RollingCostmap:
         # A beam that says nothing must not clear what an earlier one has seen.
         ranges[np.isinf(ranges) & ~np.isposinf(scan)] = np.nan
         frame = (self.params.resolution, self._reach)
-        _enter(self._occupied, self._corner, self.pose, ranges, self._angles, self._mount, frame)
+        cells = (self._occupied, self._place, self._corner)
+        _enter(cells, self.pose, ranges, self._angles, self._mount, frame)
 
     def _roll(self) -> None:
         """Move a map whose robot is nearer to its edge than to its middle."""
@@ -81,37 +84,63 @@ class RollingCostmap:
         here = np.floor(self.pose[:, :2] / self.params.resolution).astype(np.int64)
         off = here - self._corner - size // 2
         for i in np.flatnonzero((np.abs(off) > quarter).any(axis=1)):
-            moved = np.zeros_like(self._occupied[i])
             across, up = off[i]
             target = tuple(slice(max(-d, 0), size - max(d, 0)) for d in (up, across))
             source = tuple(slice(max(d, 0), size + min(d, 0)) for d in (up, across))
-            moved[target] = self._occupied[i][source]
-            self._occupied[i] = moved
+            for cells in (self._occupied[i], self._place[i]):
+                moved = np.zeros_like(cells)
+                moved[target] = cells[source]
+                cells[:] = moved
             self._corner[i] += off[i]
 
-    def costmap(self, i: int) -> Costmap:
-        """Return where robot i fits now, and what is dear because it is close to obstacles."""
+    def costmaps(self, i: int) -> tuple[Costmap, Costmap]:
+        """Return where robot i fits now, and where it also fits anywhere in the cells.
+
+        A cell is free if its centre is; a straight line may pass it half a cell nearer to an
+        obstacle. Cells close to obstacles are dear.
+        """
         resolution = self.params.resolution
-        occupied = self._occupied[i]
         corner = resolution * self._corner[i]
-        free = np.ones(occupied.shape, dtype=np.bool_)
-        if occupied.any():
-            distance = np.asarray(ndimage.distance_transform_edt(occupied == 0))
-            free = distance * resolution > self._radius
-        space = FreeSpace(free, resolution, (float(corner[0]), float(corner[1])))
-        return inflate(space, self._radius)
+        origin = float(corner[0]), float(corner[1])
+        gap = self._distance(i) - self._radius
+        extra = inflation(gap)
+        least = (0.0, 0.5 * resolution)
+        spaces = [FreeSpace(gap > limit, resolution, origin) for limit in least]
+        return Costmap(spaces[0], extra, self._radius), Costmap(spaces[1], extra, self._radius)
+
+    def _distance(self, i: int) -> NDArray[np.float32]:
+        """Return how far the cells' centres are from the nearest return [m], shape (size, size)."""
+        occupied = self._occupied[i]
+        if not occupied.any():
+            return np.full(occupied.shape, np.inf, dtype=np.float32)
+        nearest = ndimage.distance_transform_edt(
+            occupied == 0, return_distances=False, return_indices=True
+        )
+        row, column = np.asarray(nearest)
+        place = self._place[i, row, column]
+        middle = np.arange(self.params.size, dtype=np.float32) + np.float32(0.5)
+        across = place[..., 0] + column - middle[None, :]
+        up = place[..., 1] + row - middle[:, None]
+        return np.hypot(across, up).astype(np.float32) * np.float32(self.params.resolution)
 
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Go on with these of the robots only."""
         self.pose, self._occupied = self.pose[robots], self._occupied[robots]
-        self._corner = self._corner[robots]
+        self._place, self._corner = self._place[robots], self._corner[robots]
         if self._velocity is not None:
             self._velocity = self._velocity[robots]
 
 
+def inflation(gap: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what a metre costs extra so far [m] from closed cells, as ``inflate`` does."""
+    left = np.clip(1.0 - gap / np.float32(INFLATION_DISTANCE), 0.0, 1.0)
+    return (INFLATION_WEIGHT * left**2).astype(np.float32)
+
+
 @compiled
-def _enter(occupied, corner, pose, ranges, angles, mount, frame):
+def _enter(cells, pose, ranges, angles, mount, frame):
     """Clear the cells that the beams pass, then mark those in which they end; NaN does neither."""
+    occupied, place, corner = cells
     resolution, reach = frame
     for i in range(pose.shape[0]):
         cos, sin = np.cos(pose[i, 2]), np.sin(pose[i, 2])
@@ -126,7 +155,8 @@ def _enter(occupied, corner, pose, ranges, angles, mount, frame):
                 if marking == 0:
                     _clear(occupied, i, x, y, ux, uy, min(length, reach) / resolution - 1.0)
                 elif length <= reach:
-                    _mark(occupied, i, x + ux * length / resolution, y + uy * length / resolution)
+                    end = x + ux * length / resolution, y + uy * length / resolution
+                    _mark(occupied, place, i, end[0], end[1])
 
 
 @compiled
@@ -139,8 +169,9 @@ def _clear(occupied, i, x, y, ux, uy, length):
 
 
 @compiled
-def _mark(occupied, i, x, y):
+def _mark(occupied, place, i, x, y):
     """Mark the cell of a point; all in cells."""
     column, row = int(np.floor(x)), int(np.floor(y))
     if 0 <= column < occupied.shape[2] and 0 <= row < occupied.shape[1]:
         occupied[i, row, column] = 1
+        place[i, row, column, 0], place[i, row, column, 1] = x - column, y - row

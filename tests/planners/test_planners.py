@@ -11,12 +11,15 @@ from pm01_nav.benchmark.evaluate import Evaluator, goal_in_base
 from pm01_nav.envs.spaces import resolve_task
 from pm01_nav.errors import InputError
 from pm01_nav.planners import PLANNERS, make_planner
+from pm01_nav.planners.guided import _not_too_near
 from pm01_nav.planners.scan_planner import clean_ranges
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.robot import load_robot
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.observation import scan_geometry
 from pm01_nav.task.worlds import world_pool
+from pm01_nav.worlds.free_space import FreeSpace
+from pm01_nav.worlds.global_plan import GlobalPlan, inflate
 from pm01_nav.worlds.suites import SUITES
 from pm01_nav.worlds.world import World
 
@@ -132,6 +135,54 @@ def test_kept_robots_are_driven_on(name: str) -> None:
             part.keep(some)
         command = part.act(scan[some], goal[some], velocity[some])
         assert command == pytest.approx(expected[some], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["regulated_pure_pursuit", "dwa", "mppi"])
+def test_it_does_not_creep_into_a_wall(name: str) -> None:
+    # A post 3.5 cm before the footprint (0.17 m), in a half circle of posts; the goal lies behind.
+    planner = make_planner(name, load_robot("pm01"), 0.1)
+    scan = np.full(360, np.inf)
+    for distance in np.arange(0.205, 0.171, -0.001):
+        planner.reset()
+        scan[120:241] = distance
+        velocity = [0.0, 0.0]
+        for _ in range(3):
+            command = planner.act(scan, [3.0, 0.0], velocity)
+            assert command[0] <= 1e-9
+
+
+def test_a_jackal_does_not_turn_its_corner_into_a_wall() -> None:
+    # The footprint reaches 0.208 m to the side and 0.309 m to its corners; the wall is at 0.30 m.
+    robot = load_robot("jackal")
+    planner = make_planner("regulated_pure_pursuit", robot, 0.1)
+    side = np.sin(robot.lidar.angles)
+    scan = np.where(side > 0.02, 0.3 / np.maximum(side, 0.02), np.inf)
+    command = planner.act(np.where(scan < 4.0, scan, np.inf), [-3.0, 0.1], [0.0, 0.0])
+    assert abs(command[1]) < 0.5
+
+
+def test_a_point_at_the_robots_own_place_is_not_aimed_at() -> None:
+    # The look-ahead point is the robot's place when nothing further is seen.
+    path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    space = FreeSpace(np.ones((20, 20), dtype=np.bool_), 0.1, (-0.5, -0.5))
+    costmap = inflate(space, 0.17)
+    plan = GlobalPlan(costmap, path)
+    plan.progress = 0.9
+    assert _not_too_near(plan, np.array([0.9, 0.0])) == pytest.approx([1.0, 0.2])
+    assert _not_too_near(plan, np.array([1.0, 0.5])) == pytest.approx([1.0, 0.5])
+
+
+def test_mppi_drives_on_at_nearly_full_speed() -> None:
+    # The goal stays 3 m ahead, and the robot does as it is told: 0.5 m/s is its greatest speed.
+    # Noise that is the same at each step added up to commands that differ from step to step.
+    planner = make_planner("mppi", load_robot("pm01"), 0.1)
+    velocity, commands = np.zeros(2), []
+    for _ in range(40):
+        velocity = planner.act(np.full(360, np.inf), [3.0, 0.0], velocity)
+        commands.append(velocity)
+    late = np.array(commands[20:])
+    assert late[:, 0].mean() > 0.4
+    assert np.abs(np.diff(late[:, 1])).mean() < 0.1
 
 
 @pytest.fixture

@@ -31,7 +31,7 @@ def looking(**ranges: float) -> np.ndarray:
 
 
 def blocked(costmap: RollingCostmap, x: float, y: float, i: int = 0) -> bool:
-    space = costmap.costmap(i).space
+    space = costmap.costmaps(i)[0].space
     cell = space.cell(x, y)
     assert cell is not None
     return not space.free[cell]
@@ -44,6 +44,26 @@ def test_a_return_blocks_a_disc_around_it() -> None:
     for x, expected in ((0.8, False), (0.95, True), (1.05, True), (1.15, True), (1.3, False)):
         assert blocked(costmap, x, 0.0) == expected, x
     assert not blocked(costmap, 0.0, 1.05)
+
+
+def test_walls_stay_where_they_are_in_their_cells() -> None:
+    # 0.17 m before 1.09 m is 0.92 m: the cell around 0.95 m is closed, that around 0.85 m is not.
+    # Before 1.01 m it is 0.84 m, and the cell around 0.85 m is closed, too.
+    for ahead, expected in ((1.09, False), (1.01, True)):
+        costmap = make()
+        costmap.observe(looking(ahead=ahead), REST)
+        assert blocked(costmap, 0.85, 0.0) == expected
+        assert blocked(costmap, 0.95, 0.0)
+
+
+def test_straight_lines_need_half_a_cell_more_than_ways_from_cell_to_cell() -> None:
+    costmap = make()
+    costmap.observe(looking(ahead=1.05), REST)
+    ways, lines = (c.space for c in costmap.costmaps(0))
+    cell = ways.cell(0.85, 0.05)
+    # 0.206 m from the return, 0.036 m more than the radius.
+    assert ways.free[cell]
+    assert not lines.free[cell]
 
 
 def test_beams_clear_what_has_gone() -> None:
@@ -83,7 +103,7 @@ def test_the_map_stays_where_the_robot_moves() -> None:
     # Half a step at first, when the speed rises from 0 to 1 m/s: 0.05 + 11 x 0.1 m.
     assert costmap.pose[0] == pytest.approx([1.15, 0.0, 0.0])
     # More than a quarter of 4 m: the map moved, and what is on it did not.
-    corner = costmap.costmap(0).space.origin
+    corner = costmap.costmaps(0)[0].space.origin
     assert corner == pytest.approx((-0.9, -2.0))
     assert blocked(costmap, 0.0, 1.0)
 
