@@ -151,7 +151,8 @@ def _look_ahead(plan, robot, grid):
     length, step = along[-1], frame[2]
     progress, deviation = _project(path, along, progress, progress + distance, x, y)
     ahead = min(progress + distance, length)
-    while ahead > progress or ahead == length:
+    # Half a step: rounding must not end at the robot's own place.
+    while ahead > progress + 0.5 * step or ahead == length:
         point = _point_at(path, along, ahead)
         if _sees(free, frame, radius, (x, y), point):
             return progress, deviation, ahead, True

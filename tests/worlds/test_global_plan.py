@@ -117,6 +117,19 @@ def test_point_behind_a_wall_is_not_taken() -> None:
     assert np.linalg.norm(ahead.point - [plan.progress + 0.1, 0.0]) < 1e-9
 
 
+@pytest.mark.parametrize("distance", [0.4, 0.7, 1.2, 1.9, 2.3])
+def test_a_robot_that_sees_its_own_place_only_sees_nothing(distance: float) -> None:
+    # All cells ahead are closed, and the robot's radius excuses none of them. Going back by cells
+    # of 0.1 m from 1.2 m ahead ends at 2e-16 m instead of at nothing.
+    free = np.ones((200, 200), dtype=np.bool_)
+    free[:, 51:] = False
+    costmap = inflate(FreeSpace(free, 0.1, (-5.0, -5.0)), 0.01)
+    plan = GlobalPlan(costmap, np.array([[0.05, 0.05], [4.05, 0.05]]))
+    ahead = plan.look_ahead((0.05, 0.05), distance)
+    assert not ahead.visible
+    assert ahead.point == pytest.approx(np.array([0.15, 0.05]))
+
+
 def test_robot_in_the_inflation_finds_its_way_out() -> None:
     plan = GlobalPlan(inflate(corner_space(), RADIUS), L_PATH)
     # 0.15 m inside the closed cells, which is less than the radius.
