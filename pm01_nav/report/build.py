@@ -80,18 +80,20 @@ def _content(merged: Merged, data: Data, names: Sequence[str]) -> dict[str, Any]
     """Return all that the template shows."""
     entries = ordered_entries(data)
     sections = [_section(merged, data, suite, entries) for suite in fixed_suites(data)]
+    sweeps = sweep_charts(data, entries)
     script = "\n".join((TEMPLATES / name).read_text(encoding="utf-8") for name in SCRIPTS)
     script = f'"use strict";\n(() => {{\n{script}\n}})();\n'
     return {
         "title": ", ".join(names),
         "written": datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
-        "facts": facts(merged),
+        "facts": facts(merged, len(sections), len(sweeps)),
         "warnings": warnings(merged),
         "entries": [_entry(number, merged.entries[name]) for number, name in enumerate(entries)],
         "suites": merged.suites,
         "fixed": fixed_suites(data),
         "overview": overview(data, entries),
-        "sweeps": sweep_charts(data, entries),
+        "sweeps": sweeps,
+        "swept": {row["entry"] for sweep in sweeps for row in sweep["rows"]},
         "sections": sections,
         "barn_note": SIMULATOR if any("barn_score_2024" in s for s in data["results"]) else "",
         "replays_data": [replay for section in sections for replay in section["packed"]],

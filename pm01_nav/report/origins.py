@@ -7,21 +7,27 @@ from typing import Any
 
 from pm01_nav.benchmark.merge import Merged
 
-SHORT = 12
-"""Characters shown of a hash."""
 UNKNOWN = "unknown"
+NARROW_SPACE = "\N{NARROW NO-BREAK SPACE}"
 
 
-def facts(merged: Merged) -> dict[str, Any]:
-    """Return where results come from, each thing once."""
+def facts(merged: Merged, suites: int, sweeps: int) -> dict[str, Any]:
+    """Return how much there is and where it comes from, each thing once."""
     origins = merged.origins
+    episodes = sum(len(score.episode) for score in merged.scores)
+    counts = (
+        _count(len(merged.entries), "entry", "entries"),
+        _count(suites, "suite", "suites"),
+        _count(sweeps, "sweep", "sweeps"),
+        _count(episodes, "episode", "episodes"),
+    )
     return {
+        "counts": ", ".join(count for count in counts if count),
         "created": _period(merged.created),
         "revisions": _unique(origin["git_revision"] or UNKNOWN for origin in origins),
         "commands": _unique(origin["command"] or UNKNOWN for origin in origins),
         "machines": _unique(_machine(origin["machine"] or {}) for origin in origins),
         "versions": _unique(_versions(origin["versions"] or {}) for origin in origins),
-        "episodes": sum(len(score.episode) for score in merged.scores),
     }
 
 
@@ -48,6 +54,11 @@ def _uneven(merged: Merged) -> list[str]:
         if len(counts) > 1:
             found.append(f"On {suite} entries have from {counts[0]} to {counts[-1]} episodes.")
     return found
+
+
+def _count(number: int, one: str, many: str) -> str:
+    """Return so many of them in words, empty for none."""
+    return f"{number:,} {one if number == 1 else many}".replace(",", NARROW_SPACE) if number else ""
 
 
 def _period(created: list[str]) -> str:
