@@ -14,6 +14,7 @@ from urllib.parse import quote
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from pm01_nav.benchmark.merge import Merged, Score, merge_results
+from pm01_nav.benchmark.recorder import MAX_REASON
 from pm01_nav.benchmark.summary import SIMULATOR
 from pm01_nav.benchmark.tables import write_tables
 from pm01_nav.benchmark.trace import Trace
@@ -145,7 +146,7 @@ def _describe(trace: Trace) -> dict[str, Any]:
     seconds = trace.about["control_dt"] * (len(trace.pose) - 1)
     return {
         "outcome": trace.about["outcome"] if trace.about["outcome"] in BADNESS else "failure",
-        "reason": trace.about["reason"],
+        "reason": trace.about["reason"][:MAX_REASON],
         "seconds": seconds,
         "thumbnail": thumbnail(trace),
     }

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pm01_nav.benchmark.recorder import MAX_REASON
 from pm01_nav.benchmark.trace import Trace
 
 DISTANCE_STEP = 0.002
@@ -29,6 +30,8 @@ ANGLE_STEP = 0.001
 """[rad]"""
 SPEED_STEP = 0.002
 """[m/s] or [rad/s]"""
+MAX_SCANS = 400
+"""Scans are most of a trace; of longer episodes every second, third, ... one is kept."""
 REWARD_LEVELS = 4000
 """A reward term's values are kept to this part of their range."""
 
@@ -87,10 +90,11 @@ def pack(trace: Trace, suite: str, entry: str, episode: int) -> str:
     arrays = _arrays(trace)
     grid = np.packbits(trace.grid.ravel() != 0).tobytes()
     header = {
-        "about": trace.about,
+        "about": trace.about | {"reason": trace.about["reason"][:MAX_REASON]},
         "suite": suite,
         "entry": entry,
         "episode": episode,
+        "scan_every": scan_every(len(trace.scan)),
         "bounds": trace.bounds.tolist(),
         "goal": trace.goal.tolist(),
         "corner_counts": trace.corner_counts.tolist(),
@@ -103,9 +107,14 @@ def pack(trace: Trace, suite: str, entry: str, episode: int) -> str:
     return base64.b64encode(zlib.compress(whole, 9)).decode()
 
 
+def scan_every(steps: int) -> int:
+    """Return every how many steps a scan is kept."""
+    return max(1, -(-steps // MAX_SCANS))
+
+
 def _arrays(trace: Trace) -> dict[str, Packed]:
     # REP-117: -inf is a return nearer than the lidar can measure.
-    scan = np.where(np.isneginf(trace.scan), 0.0, trace.scan)
+    scan = np.where(np.isneginf(trace.scan), 0.0, trace.scan)[:: scan_every(len(trace.scan))]
     terms = range(trace.rewards.shape[1])
     return {
         "position": quantise(trace.pose[:, :2], DISTANCE_STEP),

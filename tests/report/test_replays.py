@@ -127,3 +127,25 @@ def test_an_episode_that_failed_at_once_can_be_packed(trace):
     _, arrays, _ = _unpack(pack(short, "static", "dwa", 0))
     assert arrays["position"].shape == (1, 2)
     assert arrays["reward0"].shape == (0,)
+
+
+def test_long_episodes_keep_every_so_many_scans(trace):
+    """Of 801 scans every third makes 267, no more than 400; every second would make 401."""
+    short = trace()
+    again = np.zeros(801, dtype=np.int64)
+    long = type(short)(
+        **vars(short)
+        | {name: vars(short)[name][again] for name in ("pose", "movers", "twist", "clearance")}
+        | {"scan": np.tile(np.linspace(0.0, 3.2, 801, dtype=np.float32)[:, None], (1, 8))}
+    )
+    header, arrays, _ = _unpack(pack(long, "static", "dwa", 0))
+    assert header["scan_every"] == 3
+    assert arrays["scan"].shape == (267, 8)
+    # Scan k is that of step 3 k, at 3 k / 800 of 3.2 m.
+    np.testing.assert_allclose(arrays["scan"][100], 1.2, atol=0.011)
+    assert arrays["position"].shape == (801, 2)
+
+
+def test_a_long_reason_is_cut(trace):
+    header, _, _ = _unpack(pack(trace("failure", "x" * 5000), "static", "dwa", 0))
+    assert header["about"]["reason"] == "x" * 200

@@ -6,7 +6,7 @@ const COLORS = ["floor", "metres", "obstacle", "edge", "wall", "goal", "robot", 
   "collision", "ink", "soft"];
 const SERIES = ["reward", "speed", "clearance"];
 
-// What is shown now; read by tests as well.
+// What is shown now; read by tests and measurements as well.
 const player = { key: "", replay: null, time: 0, playing: false, speed: 1, lidar: true };
 window.pm01Player = player;
 
@@ -106,6 +106,7 @@ function draw() {
     for (const { show, values } of series[name]) show.textContent = fixed(values[state.step]);
   }
   player.state = state;
+  player.firstDrawn ??= performance.now();
   part("scrub").value = state.time;
   part("time").textContent = `${state.time.toFixed(1)} / ${duration().toFixed(1)} s`;
 }

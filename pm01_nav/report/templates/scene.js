@@ -58,17 +58,20 @@ function drawTrail(context, view, replay, state, colors) {
 }
 
 function drawLidar(context, view, replay, state, colors) {
-  const { angles, scan } = replay;
+  const { angles, scan, position, scan_every: every } = replay;
   const lidar = replay.about.robot.lidar;
-  const [cos, sin] = [Math.cos(state.yaw), Math.sin(state.yaw)];
-  const x = state.x + cos * lidar.x - sin * lidar.y;
-  const y = state.y + sin * lidar.x + cos * lidar.y;
+  // A scan is drawn from where it was measured, so that its returns lie on the walls.
+  const row = Math.floor(state.step / every);
+  const yaw = replay.yaw[row * every];
+  const [cos, sin] = [Math.cos(yaw), Math.sin(yaw)];
+  const x = position[2 * row * every] + cos * lidar.x - sin * lidar.y;
+  const y = position[2 * row * every + 1] + sin * lidar.x + cos * lidar.y;
   context.strokeStyle = context.fillStyle = colors.lidar;
   context.lineWidth = 1;
   angles.forEach((angle, beam) => {
-    const measured = scan[state.step * angles.length + beam];
+    const measured = scan[row * angles.length + beam];
     const range = Number.isNaN(measured) ? lidar.range_max : measured;
-    const end = [x + range * Math.cos(angle + state.yaw), y + range * Math.sin(angle + state.yaw)];
+    const end = [x + range * Math.cos(angle + yaw), y + range * Math.sin(angle + yaw)];
     context.globalAlpha = Number.isNaN(measured) ? 0.1 : 0.28;
     tracePath(context, view, [x, y, ...end]);
     context.stroke();
