@@ -63,7 +63,7 @@ def copy_score(merged: Merged, old: tuple[str, str], target: Path, new: tuple[st
 def opening(page: Path, repeats: int) -> dict[str, Any] | str:
     """Return the seconds from the navigation to the first replay drawn, or why there are none."""
     try:
-        from playwright.sync_api import sync_playwright
+        from playwright.sync_api import sync_playwright  # pyright: ignore[reportMissingImports]
     except ImportError:
         return "not measured: needs playwright"
     with sync_playwright() as playwright:

@@ -33,7 +33,6 @@ FIGURES = (
     Figure("time_to_goal_s", "Time to\N{NO-BREAK SPACE}goal", "s", 1),
     Figure("path_length_m", "Path length", "m", 2),
     Figure("min_clearance_m", "Min. clearance", "m", 2),
-    Figure("mean_clearance_m", "Mean clearance", "m", 2),
     Figure("mean_jerk", "Mean jerk", "m/s³", 2),
     Figure("turn_reversals_per_min", "Turn reversals", "1/min", 1),
     Figure("personal_space_intrusion", "Close to\N{NO-BREAK SPACE}people", "% of steps", 1, 100.0),
@@ -42,7 +41,6 @@ FIGURES = (
     Figure("barn_score_2024", "BARN 2024", "of 0.5", 3),
     Figure("barn_score_2022", "BARN 2022", "of 0.25", 3),
     Figure("dynabarn_score_as_published", "DynaBARN as\N{NO-BREAK SPACE}published", "of 0.125", 3),
-    Figure("episodes", "Episodes", "", 0, optional=False),
 )
 
 

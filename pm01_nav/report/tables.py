@@ -82,7 +82,14 @@ def figures_table(data: Data, suite: str, entries: Sequence[str]) -> dict[str, A
         {"entry": name, "cells": [cell(summary, figure) for figure in columns]}
         for name, summary in summaries.items()
     ]
-    return {"columns": columns, "rows": rows, "failures": _failures(summaries)}
+    counts = sorted({summary["episodes"] for summary in summaries.values()})
+    episodes = " to ".join(f"{count}" for count in dict.fromkeys([counts[0], counts[-1]]))
+    return {
+        "columns": columns,
+        "rows": rows,
+        "episodes": episodes,
+        "failures": _failures(summaries),
+    }
 
 
 def _failures(summaries: dict[str, dict[str, Any]]) -> list[tuple[str, str, int]]:
