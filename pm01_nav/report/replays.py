@@ -86,7 +86,11 @@ def quantise(values: NDArray[Any], step: float, size: int = 2) -> Packed:
 
 
 def pack(trace: Trace, suite: str, entry: str, episode: int) -> str:
-    """Return a trace in base64."""
+    """Return a trace in base64.
+
+    Raises:
+        ValueError: bounds, goal or description hold what is no number.
+    """
     arrays = _arrays(trace)
     grid = np.packbits(trace.grid.ravel() != 0).tobytes()
     header = {
@@ -101,7 +105,7 @@ def pack(trace: Trace, suite: str, entry: str, episode: int) -> str:
         "grid": {"shape": list(trace.grid.shape), "frame": trace.grid_frame.tolist()},
         "arrays": {name: packed.spec for name, packed in arrays.items()},
     }
-    text = json.dumps(header, separators=(",", ":")).encode()
+    text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
     content = b"".join(packed.content() for packed in arrays.values())
     whole = struct.pack("<I", len(text)) + text + content + grid
     return base64.b64encode(zlib.compress(whole, 9)).decode()
@@ -133,5 +137,6 @@ def _arrays(trace: Trace) -> dict[str, Packed]:
 
 def _reward(values: NDArray[Any]) -> Packed:
     """Keep a term's values, whatever their size; lowest and highest exactly."""
-    spread = float(np.ptp(values)) if len(values) else 0.0
+    known = values[np.isfinite(values)]
+    spread = float(np.ptp(known)) if len(known) else 0.0
     return quantise(values, spread / REWARD_LEVELS or 1.0)
