@@ -21,8 +21,10 @@ async function openReplay(key) {
   const source = [...document.querySelectorAll("script[data-replay]")]
     .find((script) => script.dataset.replay === key);
   if (!source) return;
-  player.replay = await unpackReplay(source.textContent.trim());
-  Object.assign(player, { key, time: 0, playing: false });
+  const replay = await unpackReplay(source.textContent.trim());
+  // Somebody may have chosen another one meanwhile.
+  if (location.hash.slice(1) !== key) return;
+  Object.assign(player, { key, replay, time: 0, playing: false });
   describe();
   if (!dialog.open) dialog.showModal();
   dialog.scrollTop = 0;

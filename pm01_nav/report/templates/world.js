@@ -57,20 +57,19 @@ function drawFloor(context, view, [left, bottom, right, top], colors) {
   context.stroke();
 }
 
-// Solid cells, neighbours of a row in one piece.
+// Solid cells: one pixel each on a canvas of their own, which is then drawn as large as they are.
 function drawGrid(context, view, { shape: [height, width], frame: [east, north, side], cells }, colors) {
-  context.fillStyle = colors.edge;
-  const tall = view.scale * side + 0.5;
-  for (let row = 0; row < height; row++) {
-    for (let begin = 0; begin < width; begin++) {
-      if (!cells[row * width + begin]) continue;
-      let end = begin;
-      while (end < width && cells[row * width + end]) end++;
-      const [x, y] = [view.x(east + side * begin), view.y(north + side * (row + 1))];
-      context.fillRect(x, y, view.scale * side * (end - begin) + 0.5, tall);
-      begin = end;
-    }
-  }
+  if (!cells.length) return;
+  const picture = Object.assign(document.createElement("canvas"), { width, height });
+  const pixels = picture.getContext("2d");
+  pixels.fillStyle = colors.edge;
+  cells.forEach((solid, k) => {
+    if (solid) pixels.fillRect(k % width, height - 1 - Math.floor(k / width), 1, 1);
+  });
+  const scale = view.scale * side;
+  context.imageSmoothingEnabled = scale < 1;
+  context.drawImage(picture, view.x(east), view.y(north + side * height), scale * width, scale * height);
+  context.imageSmoothingEnabled = true;
 }
 
 function polygonsOf({ corners, corner_counts: counts }) {
