@@ -44,6 +44,8 @@ class Merged:
     """``Entry.describe`` of each."""
     origins: list[dict[str, Any]] = field(default_factory=list)
     """Where the parts come from, each origin once."""
+    created: list[str] = field(default_factory=list)
+    """When the parts were written (ISO 8601), as far as it is known."""
     scores: list[Score] = field(default_factory=list)
 
     def admit(self, source: str | Path, header: dict[str, Any]) -> None:
@@ -70,6 +72,8 @@ class Merged:
         origin = {key: header.get(key) for key in ORIGIN}
         if origin not in self.origins:
             self.origins.append(origin)
+        if "created" in header:
+            self.created.append(header["created"])
 
     def find(self, suite: str, entry: str) -> Score | None:
         """Return one entry's score on one suite, if there is one."""

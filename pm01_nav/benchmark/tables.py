@@ -49,8 +49,8 @@ def comparisons(merged: Merged) -> list[Comparison]:
     return found
 
 
-def write_tables(merged: Merged, folder: Path) -> None:
-    """Write the three files into a folder."""
+def write_tables(merged: Merged, folder: Path) -> dict[str, Any]:
+    """Write the three files into a folder; return what results.json holds."""
     summaries = summaries_of(merged)
     data = {
         "format": FORMAT,
@@ -63,6 +63,7 @@ def write_tables(merged: Merged, folder: Path) -> None:
     write_atomically(folder / "results.json", json.dumps(data, indent=2) + "\n")
     write_atomically(folder / "results.csv", _summary_csv(summaries))
     write_atomically(folder / "episodes.csv", _episodes_csv(merged.scores))
+    return data
 
 
 def _summary_csv(summaries: list[dict[str, Any]]) -> str:

@@ -27,6 +27,7 @@ COMMANDS = (
     "train",
     "evaluate",
     "benchmark",
+    "report",
     "export",
     "replay",
     "worlds",
