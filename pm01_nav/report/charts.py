@@ -1,27 +1,54 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Line charts as inline SVG; colours are the page's CSS variables, text stays text."""
+"""Line charts as inline SVG by matplotlib, in the colours of the page, its text as text."""
 
 from __future__ import annotations
 
-import math
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree  # defusedxml writes nothing
 
 import numpy as np
+from defusedxml.ElementTree import fromstring
 from markupsafe import Markup
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
 WIDTH, HEIGHT = 360, 226
-LEFT, RIGHT, TOP, BOTTOM = 38, 10, 10, 38
-"""Space around the plot for ticks and labels."""
+"""[pt], a unit of the picture each."""
 COLORS = 10
 """Lines beyond so many begin anew with another dash."""
-DASHES = ("", "6 3", "2 3")
-STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+DASHES: tuple[tuple[float, ...], ...] = ((), (6.0, 3.0), (2.0, 3.0))
 CURVE_POINTS = 100
 """Steps that an empirical distribution is drawn with at most."""
+SVG = "http://www.w3.org/2000/svg"
+INK, RULE, OWN, PAGE = "#010203", "#020304", "#030405", "#040506"
+"""What matplotlib draws in, in place of the page's colours, which it cannot know."""
+VARIABLES = {INK: "var(--soft)", RULE: "var(--line)", OWN: "var(--c)", PAGE: "var(--page)"}
+LOOK: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "font.size": 11,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": INK,
+    "axes.linewidth": 1.0,
+    "axes.axisbelow": True,
+    "axes.spines.left": False,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "ytick.left": False,
+    "grid.color": RULE,
+    "grid.linewidth": 1.0,
+    "lines.linewidth": 1.8,
+    "lines.solid_joinstyle": "round",
+}
 
 
 @dataclass(frozen=True)
@@ -49,20 +76,90 @@ class Axis:
     low: float
     high: float
     ticks: Sequence[float] = ()
-
-    def at(self) -> Sequence[float]:
-        """Return where the ticks are."""
-        return self.ticks or nice_ticks(self.low, self.high)
+    """Where numbers stand; by default at round ones."""
 
 
 def line_chart(lines: Sequence[Line], x: Axis, y: Axis, description: str) -> Markup:
     """Return an SVG element."""
-    body = [_grid(x, y)]
-    body += [_band(line, x, y) for line in lines if line.band is not None]
-    body += [_line(line, x, y) for line in lines]
-    return Markup(
-        '<svg class="chart" viewBox="0 0 {} {}" role="img" aria-label="{}">{}</svg>'
-    ).format(WIDTH, HEIGHT, description, Markup("").join(body))
+    text = io.StringIO()
+    # The salt makes the ids of all charts of the page different.
+    with rc_context(LOOK | {"svg.hashsalt": f"{description} {[line.name for line in lines]}"}):
+        figure = Figure(figsize=(WIDTH / 72, HEIGHT / 72), layout="constrained")
+        axes = figure.add_subplot()
+        for line in lines:
+            _draw(axes, line)
+        axes.grid(axis="y")
+        for axis, limits, shown in ((axes.xaxis, axes.set_xlim, x), (axes.yaxis, axes.set_ylim, y)):
+            limits(shown.low, shown.high)
+            if shown.ticks:
+                axis.set_ticks(shown.ticks, [f"{tick:g}" for tick in shown.ticks])
+        axes.set_xlabel(x.label)
+        figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
+    return _for_the_page(text.getvalue(), lines, description)
+
+
+def _draw(axes: Axes, line: Line) -> None:
+    if line.band is not None:
+        axes.fill_between(
+            line.x, *line.band, color=OWN, linewidth=0.0, gid=f"band-{line.entry}", clip_on=False
+        )
+    dashes = DASHES[line.entry // COLORS % len(DASHES)]
+    shape: dict[str, Any] = (
+        {"drawstyle": "steps-post"} if line.stairs else {"marker": "o", "markersize": 5.0}
+    )
+    values_x, values_y = line.x, line.y
+    if line.stairs and len(line.x):
+        # A distribution begins at nothing, and stays what it is to the right.
+        values_x = np.concatenate([[-1e6], line.x, [1e6]])
+        values_y = np.concatenate([[0.0], line.y, line.y[-1:]])
+    [drawn] = axes.plot(
+        values_x,
+        values_y,
+        color=OWN,
+        markeredgecolor=PAGE,
+        gid=f"line-{line.entry}",
+        clip_on=line.stairs,
+        zorder=3,
+        **shape,
+    )
+    if dashes:
+        drawn.set_dashes(dashes)
+
+
+def _for_the_page(text: str, lines: Sequence[Line], description: str) -> Markup:
+    """Return matplotlib's drawing with the page's colours, hints and marks for the legend."""
+    ElementTree.register_namespace("", SVG)
+    ElementTree.register_namespace("xlink", "http://www.w3.org/1999/xlink")
+    root = fromstring(text)
+    for metadata in root.findall(f"{{{SVG}}}metadata"):
+        root.remove(metadata)
+    for name in ("width", "height", "version"):
+        root.attrib.pop(name, None)
+    root.attrib |= {"class": "chart", "role": "img", "aria-label": description}
+    by_number = {str(line.entry): line for line in lines}
+    for group in root.iter(f"{{{SVG}}}g"):
+        kind, _, number = group.attrib.pop("id", "").partition("-")
+        if kind in ("line", "band"):
+            mark = {"class": kind, "data-entry": number, "style": line_style(int(number))}
+            group.attrib |= mark
+            _hint(group, by_number[number] if kind == "line" else None)
+    page = ElementTree.tostring(root, encoding="unicode")
+    for color, variable in VARIABLES.items():
+        page = page.replace(color, variable)
+    # ElementTree has escaped all that comes from results.
+    return Markup(page)  # noqa: S704
+
+
+def _hint(group: ElementTree.Element, line: Line | None) -> None:
+    """Say what a line is, and what each of its points is, to who points at it."""
+    if line is None:
+        return
+    marks = group.findall(f".//{{{SVG}}}use")
+    for mark, hint in zip(marks, line.hints, strict=False):
+        ElementTree.SubElement(mark, f"{{{SVG}}}title").text = hint
+    title = ElementTree.Element(f"{{{SVG}}}title")
+    title.text = line.name
+    group.insert(0, title)
 
 
 def distribution(
@@ -79,95 +176,7 @@ def distribution(
     return finite, Line(entry, name, finite[kept], share[kept], stairs=True)
 
 
-def nice_ticks(low: float, high: float, count: int = 5) -> list[float]:
-    """Return about ``count`` round numbers from ``low`` to ``high``."""
-    if not high > low:
-        return [low]
-    rough = (high - low) / count
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(s for s in STEPS if s * power >= rough * 0.999) * power
-    first = math.ceil(low / step - 1e-9)
-    return [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
-
-
 def line_style(entry: int) -> str:
-    """Return the CSS of an entry's lines."""
-    dash = DASHES[entry // COLORS % len(DASHES)]
+    """Return the CSS of an entry's lines in legends and charts."""
+    dash = " ".join(f"{length:g}" for length in DASHES[entry // COLORS % len(DASHES)])
     return f"--c:var(--e{entry % COLORS})" + (f";stroke-dasharray:{dash}" if dash else "")
-
-
-def _grid(x: Axis, y: Axis) -> Markup:
-    """Draw grid lines, numbers and labels of both axes."""
-    right, bottom = WIDTH - RIGHT, HEIGHT - BOTTOM
-    parts = []
-    for value in y.at():
-        row = _row(y, value)
-        parts.append(f'<path class="grid" d="M{LEFT} {row:.1f}H{right}"/>')
-        parts.append(
-            f'<text x="{LEFT - 6}" y="{row + 3.5:.1f}" text-anchor="end">{value:.6g}</text>'
-        )
-    for value in x.at():
-        column = _column(x, value)
-        parts.append(f'<path class="tick" d="M{column:.1f} {bottom}v4"/>')
-        parts.append(
-            f'<text x="{column:.1f}" y="{bottom + 16}" text-anchor="middle">{value:.6g}</text>'
-        )
-    parts.append(f'<path class="axis" d="M{LEFT} {bottom}H{right}"/>')
-    middle = (LEFT + right) / 2
-    label = Markup('<text class="label" x="{}" y="{}" text-anchor="middle">{}</text>')
-    # The numbers above are ours; labels come from results.
-    return Markup("".join(parts)) + label.format(middle, HEIGHT - 5, x.label)  # noqa: S704
-
-
-def _line(line: Line, x: Axis, y: Axis) -> Markup:
-    columns, rows = _points(line.x, line.y, x, y)
-    points = list(zip(columns, rows, strict=True))
-    if not points:
-        return Markup("")
-    if line.stairs:
-        path = f"M{_column(x, x.low):.1f} {_row(y, y.low):.1f}"
-        path += "".join(f"H{column:.1f}V{row:.1f}" for column, row in points)
-        path += f"H{_column(x, x.high):.1f}"
-    else:
-        path = "M" + "L".join(f"{column:.1f} {row:.1f}" for column, row in points)
-    hints = line.hints or [""] * len(points)
-    dots = Markup("").join(
-        Markup('<circle cx="{}" cy="{}" r="3"><title>{}</title></circle>').format(
-            f"{column:.1f}", f"{row:.1f}", hint
-        )
-        for (column, row), hint in zip(points, hints, strict=True)
-        if not line.stairs
-    )
-    title = Markup("<title>{}</title>").format(line.name)
-    return Markup('<g class="line" data-entry="{}" style="{}"><path d="{}">{}</path>{}</g>').format(
-        line.entry, line_style(line.entry), path, title, dots
-    )
-
-
-def _band(line: Line, x: Axis, y: Axis) -> Markup:
-    assert line.band is not None
-    columns, low = _points(line.x, line.band[0], x, y)
-    _, high = _points(line.x, line.band[1], x, y)
-    there = [f"{column:.1f} {row:.1f}" for column, row in zip(columns, low, strict=True)]
-    back = [f"{column:.1f} {row:.1f}" for column, row in zip(columns, high, strict=True)]
-    path = "M" + "L".join(there + back[::-1]) + "Z"
-    return Markup('<path class="band" data-entry="{}" style="{}" d="{}"/>').format(
-        line.entry, f"--c:var(--e{line.entry % COLORS})", path
-    )
-
-
-def _points(
-    values_x: FloatArray, values_y: FloatArray, x: Axis, y: Axis
-) -> tuple[list[float], list[float]]:
-    columns = [_column(x, value) for value in np.clip(values_x, x.low, x.high).tolist()]
-    return columns, [_row(y, value) for value in np.clip(values_y, y.low, y.high).tolist()]
-
-
-def _column(axis: Axis, value: float) -> float:
-    part = (value - axis.low) / ((axis.high - axis.low) or 1.0)
-    return LEFT + part * (WIDTH - LEFT - RIGHT)
-
-
-def _row(axis: Axis, value: float) -> float:
-    part = (value - axis.low) / ((axis.high - axis.low) or 1.0)
-    return HEIGHT - BOTTOM - part * (HEIGHT - TOP - BOTTOM)
