@@ -30,6 +30,7 @@ COMMANDS = (
     "export",
     "replay",
     "worlds",
+    "robots",
     "doctor",
 )
 
