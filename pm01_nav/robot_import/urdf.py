@@ -155,7 +155,11 @@ def origin_of(element: Element, where: str) -> Transform:
 def _refuse_other_files(root: Element, path: Path) -> None:
     if root.tag != "robot":
         raise InputError(f"{path}: its outermost element is <{root.tag[:60]}>; a URDF has <robot>")
-    if any("/xacro}" in element.tag for element in root.iter() if isinstance(element.tag, str)):
+    unexpanded = any(
+        "/xacro}" in str(element.tag) or any("$" in value for value in element.attrib.values())
+        for element in root.iter()
+    )
+    if unexpanded:
         raise InputError(
             f"{path}: holds xacro macros; expand it first: xacro {path.name} > robot.urdf"
         )

@@ -300,6 +300,7 @@ def test_axle_outside_of_the_shapes(urdf: Write) -> None:
             "must not hold a DOCTYPE",
         ),
         ("<robot>" + "<a>" * 100 + "</a>" * 100 + "</robot>", "is nested more than 64 deep"),
+        ('<robot><link name="${a}base_link"/></robot>', "holds xacro macros; expand it first"),
         (
             '<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:if value="1"/></robot>',
             r"holds xacro macros; expand it first: xacro bot.urdf > robot.urdf",
