@@ -58,6 +58,41 @@ def test_wheels_roll_forward_in_mujoco(expand: Callable[..., str]) -> None:
     assert bottom == pytest.approx([-0.05, 0, 0], abs=1e-9)
 
 
+def test_drives_straight_and_turns_in_mujoco(expand: Callable[..., str]) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo (extra physics)")
+    spec = mujoco.MjSpec.from_string(expand(base_footprint="false"))
+    spec.compiler.fusestatic = False
+    spec.body("base_link").add_freejoint()
+    spec.body("base_link").pos = [0, 0, 0.05]
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[9, 9, 0.1])
+    for end in ("front", "rear"):
+        for geom in spec.body(f"caster_{end}_link").geoms:
+            # A contact takes the larger friction of both, unless one has priority.
+            geom.friction, geom.priority = [0.01, 0.005, 0.0001], 1
+    for side in ("left", "right"):
+        motor = spec.add_actuator(name=side, target=f"wheel_{side}_joint")
+        motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        motor.set_to_velocity(kv=1.0)
+        # The limit of the joint's effort [N m].
+        motor.forcelimited, motor.forcerange = True, [-1.0, 1.0]
+    model = spec.compile()
+    data = mujoco.MjData(model)
+
+    def drive(left: float, right: float, seconds: float) -> None:
+        data.ctrl[:] = [left, right]
+        for _ in range(round(seconds / model.opt.timestep)):
+            mujoco.mj_step(model, data)
+
+    drive(6.0, 6.0, 0.5)
+    before = data.qpos[:2].copy()
+    drive(6.0, 6.0, 1.0)
+    # 6 rad/s * 0.05 m = 0.3 m in a second; contacts slip a little.
+    assert data.qpos[:2] - before == pytest.approx([0.3, 0.0], abs=0.015)
+    drive(-2.8, 2.8, 0.5)
+    # 2 * 2.8 * 0.05 / 0.28 = 1 rad/s.
+    assert data.qvel[5] == pytest.approx(1.0, abs=0.05)
+
+
 def test_stands_in_pybullet(expand: Callable[..., str], tmp_path: Path) -> None:
     bullet = pytest.importorskip("pybullet", reason="needs PyBullet")
     path = tmp_path / "pm01.urdf"

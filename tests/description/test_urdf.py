@@ -259,6 +259,10 @@ def test_gazebo_tags(
         for g in robot.findall("gazebo")
         if g.find("mu1") is not None
     }
+    # PyBullet has its own tag for the same.
+    for name, value in friction.items():
+        tag = link_of(robot, name).find("contact/lateral_friction")
+        assert float(tag.get("value")) == value
     assert friction == {
         "wheel_left_link": 1.0,
         "wheel_right_link": 1.0,
