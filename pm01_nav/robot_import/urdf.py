@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 
 LARGEST = 1e4
 """Larger numbers are refused: no robot is ten kilometres long."""
+MOST = {"link": 2000, "joint": 2000, "link/collision": 5000, "link/visual": 5000}
+"""More are refused: what is a robot has a tenth of them, and some steps take their square."""
 JOINT_TYPES = ("fixed", "continuous", "revolute", "prismatic", "floating", "planar")
 BASE = "base_link"
 MOMENTS = ("ixx", "iyy", "izz")
@@ -90,6 +92,7 @@ def read_urdf(path: str | Path) -> Urdf:
     path = Path(path)
     root = parse_xml(path)
     _refuse_other_files(root, path)
+    _refuse_too_many(root, path)
     links = _named(root, "link", path)
     if not links:
         raise InputError(f"{path}: has no links")
@@ -165,6 +168,15 @@ def _refuse_other_files(root: Element, path: Path) -> None:
         )
 
 
+def _refuse_too_many(root: Element, path: Path) -> None:
+    for tag, most in MOST.items():
+        count = len(root.findall(tag))
+        if count > most:
+            raise InputError(
+                f"{path}: has {count} {tag.split('/')[-1]}s; at most {most} are allowed"
+            )
+
+
 def _named(root: Element, tag: str, path: Path) -> dict[str, Element]:
     found: dict[str, Element] = {}
     for element in root.findall(tag):
@@ -223,8 +235,9 @@ def _place_links(links: set[str], joints: dict[str, Joint], path: Path) -> dict[
     lost = sorted(links - set(places))
     if lost:
         raise InputError(f"{path}: link {lost[0]!r}: its joints run in a circle")
-    # A prefix may stand before it, as in robot1/base_link.
-    base = next((place for name, place in places.items() if name.endswith(BASE)), IDENTITY)
+    # A namespace may stand before it, as in robot1/base_link.
+    spaced = (place for name, place in places.items() if name.endswith(f"/{BASE}"))
+    base = places.get(BASE, next(spaced, IDENTITY))
     # The inverse of a rotation is its transpose.
     back = Transform(base.rotation.T, -base.rotation.T @ base.translation)
     return {name: back.apply(place) for name, place in places.items()}

@@ -163,7 +163,7 @@ def _axle(urdf: Urdf, wheels: list[tuple[Wheel, Wheel]]) -> Axle:
     if min(separations) <= 0.0:
         raise InputError(f"{urdf.path}: joints {joints[0]!r} and {joints[1]!r}: lie at the same y")
     for values, what in ((separations, "distance"), (radii, "radius")):
-        if max(values) - min(values) > ALIKE * max(values):
+        if max(values) - min(values) > ALIKE * abs(max(values)):
             listed = ", ".join(repr(name[:60]) for name in joints[:8])
             raise InputError(
                 f"{urdf.path}: the wheels differ in their {what} ({listed}); "
