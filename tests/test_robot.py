@@ -31,8 +31,24 @@ def test_bundled_robot_loads(name: str) -> None:
     assert robot.lidar.angles[-1] == pytest.approx(robot.lidar.angle_max, abs=1e-9)
 
 
-def test_both_robots_are_there() -> None:
-    assert {"pm01", "jackal"} <= set(robot_names())
+def test_all_robots_are_there() -> None:
+    expected = {"pm01", "jackal", "turtlebot3_burger", "turtlebot3_waffle"}
+    assert expected <= set(robot_names())
+
+
+def test_turtlebots_are_as_published() -> None:
+    burger, waffle = load_robot("turtlebot3_burger"), load_robot("turtlebot3_waffle")
+    # The maker's data sheet: 178 mm and 306 mm wide.
+    for robot, width in ((burger, 0.178), (waffle, 0.306)):
+        y = np.array(robot.footprint.vertices)[:, 1]
+        assert np.ptp(y) == pytest.approx(width, abs=1e-9)
+        # Both wheels, 18 mm wide, lie within.
+        assert robot.wheels.separation / 2 + 0.009 <= width / 2 + 1e-9
+        # 360 beams from straight ahead, a degree apart.
+        assert robot.lidar.angles[0] == 0.0
+        assert robot.lidar.angle_increment == pytest.approx(np.pi / 180, abs=1e-12)
+    assert (burger.limits.linear_max, burger.limits.angular_max) == (0.22, 2.84)
+    assert (waffle.limits.linear_max, waffle.limits.angular_max) == (0.26, 1.82)
 
 
 def test_radii_of_a_box() -> None:

@@ -31,6 +31,7 @@ COMMANDS = (
     "export",
     "replay",
     "worlds",
+    "robots",
     "doctor",
 )
 

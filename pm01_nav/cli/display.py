@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a terminal shows: the progress of a training run, and tables of results."""
+"""What a terminal shows: the progress of a training run, tables of results, robots."""
 
 from __future__ import annotations
 
+import math
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -16,6 +18,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+
+if TYPE_CHECKING:
+    from pm01_nav.robot import RobotSpec
 
 
 class TrainingDisplay:
@@ -135,6 +140,51 @@ def benchmark_table(summaries: list[dict[str, Any]]) -> Table:
     for entry in dict.fromkeys(summary["entry"] for summary in summaries):
         table.add_row(entry, *(cells.get((entry, suite), "-") for suite in suites))
     return table
+
+
+def robot_table(robot: RobotSpec) -> Table:
+    """Return a robot's figures, one a row."""
+    table = Table(title=escape(robot.description or robot.name), show_header=False)
+    table.add_column(justify="left")
+    table.add_column(justify="left")
+    for group in _robot_rows(robot).values():
+        for label, text in group.items():
+            table.add_row(label, text)
+        table.add_section()
+    return table
+
+
+def _robot_rows(robot: RobotSpec) -> dict[str, dict[str, str]]:
+    footprint, limits, lidar = robot.footprint, robot.limits, robot.lidar
+    corners = ", ".join(f"({x:g}, {y:g})" for x, y in footprint.vertices)
+    opening = f"{math.degrees(lidar.angle_min):.1f} to {math.degrees(lidar.angle_max):.1f} deg"
+    step = math.degrees(lidar.angle_increment)
+    turned = f", turned by {math.degrees(lidar.yaw):.1f} deg" if lidar.yaw else ""
+    return {
+        "body": {
+            "name": robot.name,
+            "footprint": f"polygon of {corners} m"
+            if corners
+            else f"circle of {footprint.radius:g} m",
+            "reaches, at least and at most": f"{footprint.inscribed_radius:.3f} m, "
+            f"{footprint.circumscribed_radius:.3f} m",
+            "wheel radius": f"{robot.wheels.radius:g} m",
+            "wheel separation": f"{robot.wheels.separation:g} m",
+        },
+        "limits": {
+            "speed": f"{limits.linear_min:g} to {limits.linear_max:g} m/s",
+            "turn rate": f"{limits.angular_max:g} rad/s",
+            "acceleration": f"{limits.linear_acceleration:g} m/s^2",
+            "angular acceleration": f"{limits.angular_acceleration:g} rad/s^2",
+            "lag of the base": f"{robot.actuator.lag_s:g} s",
+        },
+        "lidar": {
+            "beams": f"{lidar.num_beams}, {opening}, every {step:.3g} deg",
+            "range": f"{lidar.range_min:g} to {lidar.range_max:g} m",
+            "place in base_link": f"({lidar.x:g}, {lidar.y:g}) m{turned}",
+            "noise": f"{lidar.noise_std:g} m",
+        },
+    }
 
 
 def _outcomes(summary: dict[str, Any]) -> str:

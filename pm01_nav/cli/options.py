@@ -32,7 +32,10 @@ def task_options(command: Command) -> Command:
                 help="The unpacked BARN dataset, for task barn, or the JSON file of DynaBARN.",
             ),
             click.option(
-                "--robot", metavar="NAME|FILE", help="A robot by name (pm01, jackal) or its YAML."
+                "--robot",
+                metavar="NAME|FILE",
+                help="A robot by name (pm01, jackal, turtlebot3_burger, turtlebot3_waffle) or its "
+                "YAML.",
             ),
             click.option(
                 "--config",

@@ -82,10 +82,10 @@ def read_pose(element: Element, where: str, home: str) -> Transform:
     x, y, z, *angles = numbers(pose, 6, f"{where}: pose")
     if pose.get("degrees") in ("true", "1"):
         angles = [math.radians(angle) for angle in angles]
-    return Transform(_from_euler(*angles), np.array([x, y, z]))
+    return Transform(from_euler(*angles), np.array([x, y, z]))
 
 
-def _from_euler(roll: float, pitch: float, yaw: float) -> FloatArray:
+def from_euler(roll: float, pitch: float, yaw: float) -> FloatArray:
     """Return the rotation by roll, then pitch, then yaw about the fixed axes, shape (3, 3)."""
     cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
     cy, sy = math.cos(yaw), math.sin(yaw)
