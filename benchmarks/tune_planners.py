@@ -16,7 +16,7 @@ import time
 from typing import Any, NamedTuple
 
 import numpy as np
-import optuna
+import optuna  # pyright: ignore[reportMissingImports]  # of the extra tune alone
 from report import write_report
 
 from pm01_nav.benchmark.evaluate import Evaluator

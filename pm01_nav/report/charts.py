@@ -83,7 +83,8 @@ def line_chart(lines: Sequence[Line], x: Axis, y: Axis, description: str) -> Mar
     """Return an SVG element."""
     text = io.StringIO()
     # The salt makes the ids of all charts of the page different.
-    with rc_context(LOOK | {"svg.hashsalt": f"{description} {[line.name for line in lines]}"}):
+    look: dict[Any, Any] = LOOK | {"svg.hashsalt": f"{description} {[line.name for line in lines]}"}
+    with rc_context(look):
         figure = Figure(figsize=(WIDTH / 72, HEIGHT / 72), layout="constrained")
         axes = figure.add_subplot()
         for line in lines:
