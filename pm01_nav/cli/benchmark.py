@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pm01_nav.cli.options import episode_options
+
 if TYPE_CHECKING:
     from pm01_nav.benchmark.entry import Entry
     from pm01_nav.benchmark.runner import Plan
@@ -46,14 +48,7 @@ if TYPE_CHECKING:
     help="goal_seeking, gap_following, vfh, pure_pursuit, regulated_pure_pursuit, dwa or mppi "
     "(repeatable).",
 )
-@click.option("--episodes", type=click.IntRange(1), default=1000, show_default=True)
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**31 - 1),
-    default=1,
-    show_default=True,
-    help="Chooses the held-out worlds, starts and goals.",
-)
+@episode_options
 @click.option("--robot", metavar="NAME|FILE", help="Drive this robot on all suites.")
 @click.option(
     "--randomization",

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from pm01_nav.cli.options import (
+    episode_options,
     look_ahead_from_options,
     plan_options,
     randomization_option,
@@ -21,14 +22,7 @@ from pm01_nav.cli.options import (
 @task_options
 @plan_options
 @randomization_option
-@click.option("--episodes", type=click.IntRange(1), default=1000, show_default=True)
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**31 - 1),
-    default=1,
-    show_default=True,
-    help="Chooses the held-out worlds, starts and goals.",
-)
+@episode_options
 @click.option("--json", "json_file", metavar="FILE", help="Write the figures; - for stdout.")
 def command(
     policy: str,

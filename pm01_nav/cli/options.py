@@ -56,6 +56,19 @@ def task_options(command: Command) -> Command:
     return command
 
 
+def episode_options(command: Command) -> Command:
+    """Add the options that choose held-out episodes."""
+    episodes = click.option("--episodes", type=click.IntRange(1), default=1000, show_default=True)
+    seed = click.option(
+        "--seed",
+        type=click.IntRange(0, 2**31 - 1),
+        default=1,
+        show_default=True,
+        help="Chooses the held-out worlds, starts and goals.",
+    )
+    return episodes(seed(command))
+
+
 def randomization_option(command: Command) -> Command:
     """Add the option that says how far robots and sensors are from their description."""
     return click.option(
