@@ -47,13 +47,13 @@ def warnings(merged: Merged) -> list[str]:
 
 
 def _uneven(merged: Merged) -> list[str]:
-    """Tell on which suites entries have not driven equally many episodes."""
+    """Tell in one line on which suites entries have not driven equally many episodes."""
     found = []
     for suite in merged.suites:
         counts = sorted({len(s.episode) for s in merged.scores if s.suite == suite})
         if len(counts) > 1:
-            found.append(f"On {suite} entries have from {counts[0]} to {counts[-1]} episodes.")
-    return found
+            found.append(f"{suite} {counts[0]} to {counts[-1]}")
+    return [f"Entries differ in their number of episodes: {', '.join(found)}."] if found else []
 
 
 def _count(number: int, one: str, many: str) -> str:

@@ -120,7 +120,7 @@ def test_warnings(results):
     words = page_of(folder).words
     assert "Results of 2 revisions of the code: aaa, bbb-dirty." in words
     assert "(-dirty)" in words
-    assert "On static entries have from 2 to 3 episodes." in words
+    assert "Entries differ in their number of episodes: static 2 to 3." in words
 
 
 def test_folders_are_merged_beside_the_report(results, tmp_path):
