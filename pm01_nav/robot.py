@@ -131,6 +131,17 @@ class Lidar(FrozenModel):
         return self.angle_min + self.angle_increment * np.arange(self.num_beams)
 
 
+class Body(FrozenModel):
+    """What physics engines need to know beyond the plane; the planar simulator does not read it."""
+
+    mass: Positive | None = None
+    """[kg]; None takes ``MASS_PER_AREA`` of the footprint."""
+    height: Positive = 0.15
+    """Top of the hull, which has the footprint's outline, above the floor [m]."""
+    lidar_height: Positive = 0.2
+    """The lidar's plane above the floor [m]."""
+
+
 class RobotSpec(FrozenModel):
     """A differential-drive robot with one 2D lidar; each number's source stands in its file."""
 
@@ -141,6 +152,7 @@ class RobotSpec(FrozenModel):
     limits: Limits
     actuator: Actuator = Actuator()
     lidar: Lidar
+    body: Body = Body()
 
 
 def full_circle(num_beams: int) -> dict[str, float | int]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from pm01_nav.config import validate
 from pm01_nav.documents import load_yaml
@@ -30,19 +31,23 @@ def load_policy(name: str, robot: RobotSpec, control_dt: float) -> Policy:
     return policy
 
 
+DESCRIBED: dict[str, Any] = {"randomization": None, "backend": "planar"}
+
+
 def trained_task(name: str) -> TaskConfig | None:
     """Return the task that a run's folder or a policy file was trained on, if it is known.
 
-    Without its randomization: policies are measured on robots as described unless one asks.
+    Without its randomization and its backend: policies are measured on robots as described, in the
+    planar simulator, unless one asks.
     """
     if name in PLANNERS:
         return None
     if Path(name).is_dir():
-        return _stored_task(Path(name)).model_copy(update={"randomization": None})
+        return _stored_task(Path(name)).model_copy(update=DESCRIBED)
     task = OnnxPolicy(policy_file(name)).metadata.get("task")
     if not isinstance(task, dict):
         return None
-    return validate(TaskConfig, task | {"randomization": None}, name, inside="task")
+    return validate(TaskConfig, task | DESCRIBED, name, inside="task")
 
 
 def _stored_task(folder: Path) -> TaskConfig:

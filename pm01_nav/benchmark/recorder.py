@@ -57,7 +57,8 @@ class EpisodeResults:
     NaN without pedestrians.
     """
     failure: NDArray[np.str_]
-    """Why the policy itself lost the episode: its error, or an unusable answer; mostly empty."""
+    """Why an episode broke off: the policy's error or unusable answer, or the simulator's; mostly
+    empty."""
 
 
 @dataclass
@@ -121,7 +122,7 @@ class Recorder:
         return np.flatnonzero(self.active[self.episode])
 
     def lose(self, robots: NDArray[np.int64], reason: str) -> None:
-        """End the episodes of these robots of the batch, if they go on, as the policy's failure."""
+        """End the episodes of these robots of the batch, if they go on, and note why."""
         for episode in self.episode[robots]:
             if self.active[episode]:
                 self.failure[episode] = reason[:MAX_REASON]
@@ -145,8 +146,10 @@ class Recorder:
         if self.pedestrians.any():
             self.intruded[now] += self._intruding(batch)[robots]
         self.success[now], self.collision[now] = step.reached[robots], step.collided[robots]
+        for robot, reason in step.faults.items():
+            self.lose(np.array([robot]), reason)
         over = step.reached | step.collided | out_of_time(step, batch.config)
-        self.active[now] = ~over[robots]
+        self.active[now] &= ~over[robots]
 
     def _add_jerk(self, now: NDArray[np.int64], speed: FloatArray) -> None:
         last, before = self.speeds[:, now]

@@ -62,7 +62,11 @@ class Suite:
         """
         task = self.task.model_dump(mode="json")
         rules = {key: task[key] for key in RULES}
-        contract = rules | {"robot": self.robot.model_dump(mode="json"), "seed": self.seed}
+        robot = self.robot.model_dump(mode="json", exclude={"body"})
+        contract = rules | {"robot": robot, "seed": self.seed}
+        if self.task.backend != "planar":
+            # The plane knows no bodies, so that theirs do not matter there.
+            contract |= {"backend": self.task.backend, "body": self.robot.body.model_dump()}
         worlds = world_pool(self.task, "held_out", HASHED_WORLDS, self.seed).worlds
         text = json.dumps(contract, sort_keys=True) + worlds_hash(worlds)
         return hashlib.sha256(text.encode()).hexdigest()
@@ -86,12 +90,16 @@ class Suite:
 
 
 def read_suite(
-    text: str, seed: int, robot: str | None = None, randomization: str | None = None
+    text: str,
+    seed: int,
+    robot: str | None = None,
+    randomization: str | None = None,
+    backend: str | None = None,
 ) -> Suite:
     """Return the suite that ``NAME`` or, with worlds from files, ``NAME=PATH`` stands for.
 
     ``robot`` drives instead of the task's own; ``randomization`` is a choice of
-    ``load_randomization``, whose name becomes part of the suite's.
+    ``load_randomization``. Its name becomes part of the suite's, and so does ``backend``'s.
 
     Raises:
         InputError: an unknown task, files that are missing, or an unusable robot.
@@ -108,6 +116,9 @@ def read_suite(
     if randomization is not None and (chosen := load_randomization(randomization)) is not None:
         changes["randomization"] = chosen.model_dump()
         name += f"+{_stem(randomization)}"
+    if backend is not None and backend != task.backend:
+        changes["backend"] = backend
+        name += f"+{backend}"
     return Suite(name, _changed(task, changes), seed)
 
 

@@ -55,6 +55,11 @@ if TYPE_CHECKING:
     metavar="on|FILE",
     help="Perturb the robots; the suites' names get the file's name added.",
 )
+@click.option(
+    "--backend",
+    metavar="NAME",
+    help="What moves the robots: planar, mujoco or pybullet; the suites' names get it added.",
+)
 @click.option("--out", required=True, metavar="DIR", help="Where results are, or are added.")
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
 @click.option(
@@ -101,11 +106,13 @@ def _suites(
     seed: int,
     robot: str | None,
     randomization: str | None,
+    backend: str | None,
 ) -> list[Suite]:
     from pm01_nav.benchmark.suite import read_suite, sweep_suites
     from pm01_nav.errors import InputError
 
-    found = [read_suite(text, seed, robot, randomization) for text in dict.fromkeys(suites)]
+    how = (robot, randomization, backend)
+    found = [read_suite(text, seed, *how) for text in dict.fromkeys(suites)]
     for name in dict.fromkeys(sweeps):
         found += sweep_suites(name, seed, robot)
     if not found:

@@ -120,7 +120,8 @@ def _optional() -> list[Finding]:
         ("matplotlib", "plots", "pip install 'pm01-nav[viz]'"),
         ("imageio_ffmpeg", "videos", "pip install 'pm01-nav[viz]'"),
         ("pygame", 'windows (render_mode="human")', "pip install 'pm01-nav[viz]'"),
-        ("mujoco", "physics (planned)", "pip install 'pm01-nav[physics]'"),
+        ("mujoco", "--backend mujoco", "pip install 'pm01-nav[physics]'"),
+        ("pybullet", "--backend pybullet", "pip install 'pm01-nav[physics]'"),
     )
     return [
         Finding(name, "ok", purpose)

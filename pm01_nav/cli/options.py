@@ -38,6 +38,12 @@ def task_options(command: Command) -> Command:
                 "YAML.",
             ),
             click.option(
+                "--backend",
+                metavar="NAME",
+                help="What moves the robots: planar (our simulator), or mujoco or pybullet, with "
+                "wheels, weight and contacts.  [default: planar]",
+            ),
+            click.option(
                 "--config",
                 "config_file",
                 metavar="FILE",
@@ -137,15 +143,16 @@ def parse_changes(changes: tuple[str, ...]) -> dict[str, Any]:
 
 def task_from_options(
     base: TaskConfig | None,
+    *,
     task: str | None,
-    map_: str | None,
-    worlds: str | None,
-    robot: str | None,
     config_file: str | None,
     changes: tuple[str, ...],
     randomization: str | None = None,
+    **keys: str | None,
 ) -> TaskConfig:
     """Return the task that the options describe: name or ``base``, then file, then flags.
+
+    ``keys`` are options that are keys of the task; None leaves one as it is.
 
     Raises:
         InputError: something is unknown or not allowed, or no task was named.
@@ -166,9 +173,7 @@ def task_from_options(
         raise InputError(f"task: give --task; one of {', '.join(sorted(TASKS))}")
     start = base if base is not None and base.name == name else task_config(name)
     data = merge(start.model_dump(), {} if task and named.get("name", task) != task else named)
-    for key, value in (("map", map_), ("worlds", worlds), ("robot", robot)):
-        if value is not None:
-            data[key] = value
+    data |= {key.rstrip("_"): value for key, value in keys.items() if value is not None}
     if randomization is not None:
         chosen = load_randomization(randomization)
         data["randomization"] = None if chosen is None else chosen.model_dump()

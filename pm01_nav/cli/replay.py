@@ -21,13 +21,25 @@ from pm01_nav.cli.options import (
 @plan_options
 @click.option("--episodes", type=click.IntRange(1), default=3, show_default=True)
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
-@click.option("-o", "--output", required=True, metavar="FILE", help="An .mp4 or .gif to write.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    metavar="FILE",
+    help="An .mp4 or .gif to write, or a .png of the first episode, half-way.",
+)
+@click.option(
+    "--render",
+    is_flag=True,
+    help="Let the physics engine draw it in 3D, without a screen; needs --backend.",
+)
 @click.option("--speed", type=click.FloatRange(0.1), default=2.0, show_default=True)
 def command(
     policy: str,
     episodes: int,
     seed: int,
     output: str,
+    render: bool,
     speed: float,
     global_plan: bool,
     look_ahead: float | None,
@@ -36,16 +48,28 @@ def command(
     """Film POLICY driving: a policy.onnx, a run's folder, or a planner's name.
 
     The episodes are the first ones of `pm01 evaluate` with the same task and seed.
+
+    \b
+      pm01 replay runs/x --task crowd -o crowd.mp4
+      pm01 replay runs/x --backend mujoco --render -o robot.mp4
     """
     from pathlib import Path
 
+    from PIL import Image
+
     from pm01_nav.benchmark.policies import load_policy, trained_task
-    from pm01_nav.benchmark.replay import film
+    from pm01_nav.benchmark.replay import film, photograph
+    from pm01_nav.rendering.sheet import save_sheet
     from pm01_nav.rendering.video import write_video
 
     distance = look_ahead_from_options(global_plan, look_ahead)
     task = task_from_options(trained_task(policy), **options)
     driver = load_policy(policy, task.robot_spec(), task.control_dt)
-    frames = film(driver, task, episodes, seed, Path(policy).name, look_ahead=distance)
-    write_video(frames, output, fps=speed / task.control_dt)
+    label, how = Path(policy).name, {"look_ahead": distance, "rendered": render}
+    if Path(output).suffix.lower() == ".png":
+        picture = photograph(driver, task, seed, label, **how)
+        save_sheet(Image.fromarray(picture), output)
+    else:
+        frames = film(driver, task, episodes, seed, label, **how)
+        write_video(frames, output, fps=speed / task.control_dt)
     click.echo(f"wrote {output}")

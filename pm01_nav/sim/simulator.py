@@ -98,6 +98,8 @@ class PlanarSimulator:
         """What perturbed robots have beside ``state``; None if all are as described."""
         self.drawn: Perturbation | None = None
         """What is wrong with each robot in its present episode; None if nothing is."""
+        self.faults: dict[int, str] = {}
+        """Environments that cannot go on, with the reason; the plane knows none."""
         self._ranges: Perturbation | None = None
         self._run_step: Callable[[FloatArray], None] | None = None
         self._run_reset: Callable[[NDArray[np.int64]], None] | None = None
@@ -198,12 +200,21 @@ class PlanarSimulator:
         Raises:
             ValueError: their shape is another one.
         """
-        command = np.ascontiguousarray(command, dtype=np.float64)
-        if command.shape != (self.num_envs, 2):
-            raise ValueError(f"command: shape {command.shape}, needs {(self.num_envs, 2)}")
+        command = self.checked(command)
         if self._run_step is None:
             self._run_step = self._bind_step(command)
         self._threads(self._run_step, command)
+
+    def checked(self, command: ArrayLike) -> FloatArray:
+        """Return commands as an array of the shape that they must have.
+
+        Raises:
+            ValueError: their shape is another one.
+        """
+        command = np.ascontiguousarray(command, dtype=np.float64)
+        if command.shape != (self.num_envs, 2):
+            raise ValueError(f"command: shape {command.shape}, needs {(self.num_envs, 2)}")
+        return command
 
     def _bind_step(self, command: FloatArray) -> Callable[[FloatArray], None]:
         """Return the function that steps this batch; ``command`` is one as it will be given."""
@@ -228,6 +239,9 @@ class PlanarSimulator:
             errors = (self.errors, self.drawn, self._ranges)
         run, state = bound(kernel, self.state, *errors, indices, *rest), self.state
         return lambda indices: run(state, *errors, indices, *rest)
+
+    def resume(self) -> None:
+        """Go on from arrays that were written from outside: here they are all there is."""
 
     def keep(self, indices: NDArray[np.int64]) -> None:
         """Go on with some of the environments only, as if there had never been others."""

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from pm01_nav.backends import BackendName
 from pm01_nav.config import FrozenModel, merge, validate
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, load_robot
 from pm01_nav.sim.state import PedestrianModel
@@ -62,6 +63,8 @@ class TaskConfig(FrozenModel):
     """A robot's name or the path of its YAML file."""
     robot_changes: dict[str, Any] = Field(default_factory=dict)
     """Laid over the robot's own description, e.g. ``{lidar: {num_beams: 20}}``."""
+    backend: BackendName = "planar"
+    """What moves the robots: the planar simulator or a physics engine."""
     control_dt: Annotated[float, Field(ge=0.001, le=1.0)] = 0.1
     """Time between two actions [s]."""
     time_limit_steps: Annotated[int, Field(ge=1)] = 500
@@ -97,6 +100,10 @@ class TaskConfig(FrozenModel):
             raise ValueError(
                 f"randomization.footprint_padding: must not exceed margin ({self.margin:g}), or "
                 "episodes start in contact"
+            )
+        if self.randomization and self.backend != "planar":
+            raise ValueError(
+                f"randomization: only the backend planar has it, not {self.backend}; leave one away"
             )
         if "revisiting" in self.rewards and self.observation.trail is None:
             raise ValueError("rewards.revisiting: needs observation.trail")

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pm01_nav.backends import make_simulator
 from pm01_nav.errors import InputError
-from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.frames import FrameStack
@@ -40,6 +40,8 @@ class Episodes:
     """Each reward term's weighted sum, shape (n,)."""
     final_observation: NDArray[np.float32]
     """The last observation before the reset, shape (n, observation size)."""
+    faults: dict[int, str] = field(default_factory=dict)
+    """Why the simulator gave environments up, if it did."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,8 @@ class NavigationBatch:
         self.robot = config.robot_spec()
         self.layout = observation_layout(config, self.robot)
         self.num_envs = num_envs
-        self.simulator = PlanarSimulator(
+        self.simulator = make_simulator(
+            config.backend,
             self.robot,
             pool,
             num_envs,
@@ -153,6 +156,7 @@ class NavigationBatch:
             previous_path_distance=path_before,
             visited=state.visited,
             count=self._count,
+            faults=self.simulator.faults,
         )
         step.reached, step.collided = judge(step, self.config)
         return step
@@ -173,6 +177,7 @@ class NavigationBatch:
         self._action = action
         terminated = step.reached | step.collided
         truncated = out_of_time(step, self.config) & ~terminated
+        truncated[list(step.faults)] = True
         done = np.flatnonzero(terminated | truncated)
         observation = self.observe()
         episodes = None
@@ -210,6 +215,7 @@ class NavigationBatch:
             returns=self._term_sums[:, done].sum(axis=0),
             terms=self._named(self._term_sums[:, done]),
             final_observation=observation[done],
+            faults=step.faults,
         )
 
     def _begin(self, indices: NDArray[np.int64], worlds: NDArray[np.int64] | None) -> None:
@@ -246,6 +252,7 @@ class NavigationBatch:
             if arrays[name].shape != array.shape:
                 raise ValueError(f"state.{name}: {arrays[name].shape}, needs {array.shape}")
             array[...] = arrays[name].view(array.dtype)
+        self.simulator.resume()
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         own = {"count": self._count, "action": self._action, "term_sums": self._term_sums}

@@ -6,7 +6,7 @@ All of it is true, whatever the robot's sensors and odometry say, but for ``visi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -43,6 +43,8 @@ class Step:
     """What the trail shows by odometry, where the task has one, shape (num_envs, trail size)."""
     count: Any
     """Steps of the episode so far, this one included, shape (num_envs,)."""
+    faults: dict[int, str] = field(default_factory=dict)
+    """Environments that the simulator lost, with the reason."""
     action: Any = None
     """Actions in [-1, 1], shape (num_envs, 2)."""
     previous_action: Any = None

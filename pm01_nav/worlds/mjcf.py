@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.worlds.sdf_writer import text_of, xml_name
-from pm01_nav.worlds.shapes import as_box, convex_pieces, obstacle_boxes
+from pm01_nav.worlds.shapes import WALL_THICKNESS, as_box, convex_pieces, obstacle_boxes
 from pm01_nav.worlds.world import World
 
 HEIGHT = 1.0
@@ -25,20 +25,30 @@ ABOUT = (
 def world_to_mjcf(world: World) -> str:
     """Return the text of an MJCF model with a floor, a light and all obstacles.
 
-    Discs become cylinders; rectangles, thin walls (2 cm) and groups of solid cells boxes; other
-    polygons meshes, which MuJoCo takes for their hulls, cut into convex pieces where they are not
-    convex.
+    Raises:
+        InputError: the grid would take too many boxes, or a polygon too many pieces.
+    """
+    root = world_model(world)
+    root.insert(0, Comment(ABOUT))
+    indent(root)
+    return tostring(root, encoding="unicode") + "\n"
+
+
+def world_model(world: World, wall_thickness: float = WALL_THICKNESS) -> Element:
+    """Return the same model as an element, its obstacles in ``worldbody``, to add a robot to.
+
+    Discs become cylinders; rectangles, thin walls and groups of solid cells boxes; other polygons
+    meshes, which MuJoCo takes for their hulls, cut into convex pieces where they are not convex.
 
     Raises:
         InputError: the grid would take too many boxes, or a polygon too many pieces.
     """
     root = Element("mujoco", model=xml_name(world.name))
-    root.append(Comment(ABOUT))
     assets, body = SubElement(root, "asset"), SubElement(root, "worldbody")
     _add_floor(body, world)
     for index, (x, y, radius) in enumerate(world.discs):
         _add_cylinder(body, f"disc_{index}", (x, y), radius)
-    for name, box in obstacle_boxes(world):
+    for name, box in obstacle_boxes(world, wall_thickness):
         geom = _add_geom(body, name, "box", (box.length / 2.0, box.width / 2.0, HEIGHT / 2.0))
         geom.set("pos", text_of((box.x, box.y, HEIGHT / 2.0)))
         # As a quaternion, because a compiler option decides the unit of angles.
@@ -51,8 +61,7 @@ def world_to_mjcf(world: World) -> str:
         mocap = SubElement(body, "body", name=f"mover_{index}_{mover.motion}", mocap="true")
         mocap.set("pos", text_of((*mover.points[0], 0)))
         _add_cylinder(mocap, f"mover_{index}", (0.0, 0.0), mover.radius)
-    indent(root)
-    return tostring(root, encoding="unicode") + "\n"
+    return root
 
 
 def _add_floor(body: Element, world: World) -> None:

@@ -47,13 +47,13 @@ def as_box(polygon: FloatArray) -> Box | None:
     return Box(float(x), float(y), length, width, float(np.arctan2(first[1], first[0])))
 
 
-def wall_boxes(segments: FloatArray) -> list[Box]:
-    """Return each thin wall as a box of ``WALL_THICKNESS``; a point becomes a square."""
+def wall_boxes(segments: FloatArray, thickness: float = WALL_THICKNESS) -> list[Box]:
+    """Return each thin wall as a box of this thickness [m]; a point becomes a square."""
     boxes = []
     for x1, y1, x2, y2 in segments.tolist():
-        length = max(float(np.hypot(x2 - x1, y2 - y1)), WALL_THICKNESS)
+        length = max(float(np.hypot(x2 - x1, y2 - y1)), thickness)
         yaw = float(np.arctan2(y2 - y1, x2 - x1))
-        boxes.append(Box((x1 + x2) / 2.0, (y1 + y2) / 2.0, length, WALL_THICKNESS, yaw))
+        boxes.append(Box((x1 + x2) / 2.0, (y1 + y2) / 2.0, length, thickness, yaw))
     return boxes
 
 
@@ -89,13 +89,15 @@ def _runs(solid: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.column_stack([rows, begins, ends])
 
 
-def obstacle_boxes(world: World) -> Iterator[tuple[str, Box]]:
+def obstacle_boxes(
+    world: World, wall_thickness: float = WALL_THICKNESS
+) -> Iterator[tuple[str, Box]]:
     """Yield a name and a box for each rectangle, thin wall and group of solid cells."""
     for index, polygon in enumerate(world.polygons):
         box = as_box(polygon)
         if box is not None:
             yield f"box_{index}", box
-    for index, box in enumerate(wall_boxes(world.segments)):
+    for index, box in enumerate(wall_boxes(world.segments, wall_thickness)):
         yield f"wall_{index}", box
     for index, box in enumerate([] if world.grid is None else grid_boxes(world.grid)):
         yield f"cells_{index}", box

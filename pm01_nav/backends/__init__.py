@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where robots drive: the planar simulator, or a physics engine around the same task."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from ctypes.util import find_library
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, Literal, get_args
+
+from pm01_nav.errors import InputError
+from pm01_nav.robot import RobotSpec
+from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.worlds.pool import WorldPool
+
+BackendName = Literal["planar", "mujoco", "pybullet"]
+BACKENDS: tuple[BackendName, ...] = get_args(BackendName)
+
+
+def make_simulator(
+    backend: BackendName, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+) -> PlanarSimulator:
+    """Return ``num_envs`` robots in the worlds of ``pool``; ``how`` is as for ``PlanarSimulator``.
+
+    Raises:
+        InputError: the engine is not installed.
+    """
+    if backend == "planar":
+        return PlanarSimulator(robot, pool, num_envs, **how)
+    if find_spec(backend) is None:
+        raise InputError(
+            f"backend = {backend!r}: is not installed; pip install 'pm01-nav[physics]'"
+        )
+    from pm01_nav.backends.physics import PhysicsSimulator
+
+    if backend == "mujoco":
+        _draw_without_screen()
+        from pm01_nav.backends.mujoco_engine import MujocoEngine as Engine
+    else:
+        with _silent():
+            import_module("pybullet")
+        from pm01_nav.backends.pybullet_engine import PybulletEngine as Engine
+    return PhysicsSimulator(Engine, robot, pool, num_envs, **how)
+
+
+def _draw_without_screen() -> None:
+    """Let MuJoCo draw by EGL where there is no screen; it decides when it is imported."""
+    screen = "MUJOCO_GL" in os.environ or "DISPLAY" in os.environ
+    if not screen and find_library("EGL"):
+        os.environ["MUJOCO_GL"] = "egl"
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep what a library prints from the terminal; PyBullet greets whoever imports it."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept, nowhere = [os.dup(1), os.dup(2)], os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        for number, original in enumerate(kept, start=1):
+            os.dup2(original, number)
+            os.close(original)
+        os.close(nowhere)

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a physics engine has to do for ``PhysicsSimulator``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pm01_nav.robot import RobotSpec
+from pm01_nav.worlds.world import World
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Where a robot's episode begins."""
+
+    world: int
+    """Which of the engine's worlds."""
+    pose: FloatArray
+    """x, y, yaw of ``base_link`` [m, m, rad], shape (3,)."""
+    movers: FloatArray
+    """x, y of the world's movers [m], shape (n, 2)."""
+    height: float = 0.0
+    """Of the wheels above the floor [m]."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a control step made of the robots; one row each, written by the engine."""
+
+    pose: FloatArray
+    """x, y, yaw of ``base_link`` [m, m, rad], shape (num_envs, 3)."""
+    twist: FloatArray
+    """v, w in ``base_link`` [m/s, rad/s], shape (num_envs, 2)."""
+    contact: NDArray[np.bool_]
+    """Whether the hull touched an obstacle in the step, shape (num_envs,)."""
+
+    @classmethod
+    def of(cls, num_envs: int) -> Motion:
+        """Return room for so many robots."""
+        pose, twist = np.zeros((num_envs, 3)), np.zeros((num_envs, 2))
+        return cls(pose, twist, np.zeros(num_envs, dtype=np.bool_))
+
+
+@dataclass(frozen=True)
+class View:
+    """What a camera shows of one robot's world."""
+
+    eye: tuple[float, float, float]
+    """Where the camera is [m]."""
+    target: tuple[float, float, float]
+    """Where it looks [m]."""
+    size: tuple[int, int]
+    """Width and height of the picture [px]."""
+    goal: tuple[float, float]
+    """Where a marker lies on the floor [m]."""
+    goal_radius: float
+    """[m]"""
+
+
+class Engine(Protocol):
+    """Robots with weight and wheels on a floor, each alone in a world of its own."""
+
+    def __init__(
+        self, robot: RobotSpec, worlds: Sequence[World], num_envs: int, tick: float
+    ) -> None:
+        """Prepare ``num_envs`` robots whose wheels get new set points every ``tick`` [s]."""
+        ...
+
+    def reset(self, i: int, scenario: Scenario) -> None:
+        """Put robot ``i`` at rest where its scenario says."""
+        ...
+
+    def step(
+        self,
+        wheel_speeds: FloatArray,
+        movers: FloatArray,
+        motion: Motion,
+        ranges: NDArray[np.float32],
+    ) -> None:
+        """Drive every robot for a control step; write what came of it.
+
+        ``wheel_speeds`` (ticks, num_envs, 2) [rad/s] are those of the left and the right wheel;
+        ``movers`` (ticks, num_envs, most movers, 2) [m] say where movers are at each tick's end.
+        ``ranges`` (num_envs, at least num_beams) is as for ``cast``. A row of ``motion.pose`` that
+        is not finite says that the engine lost the robot; its ranges are left as they were.
+        """
+        ...
+
+    def cast(self, i: int, ranges: NDArray[np.float32]) -> None:
+        """Write the exact ranges of robot ``i``'s lidar [m], infinity where nothing is hit."""
+        ...
+
+    def picture(self, i: int, view: View) -> NDArray[np.uint8]:
+        """Return a picture of robot ``i``'s world, (height, width, 3).
+
+        Raises:
+            InputError: there is nothing to draw with.
+        """
+        ...
+
+    def keep(self, indices: NDArray[np.int64]) -> None:
+        """Go on with some of the robots only."""
+        ...

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The same robots, worlds and episodes as in the planar simulator, moved by a physics engine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pm01_nav.backends.drive import WheelController
+from pm01_nav.backends.engine import Engine, Motion, Scenario, View
+from pm01_nav.errors import InputError
+from pm01_nav.robot import RobotSpec
+from pm01_nav.sim import engine_kernels
+from pm01_nav.sim.perturbation import Perturbation
+from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.worlds.pool import WorldPool
+
+FloatArray = NDArray[np.float64]
+
+TICK = 0.02
+"""Time between two set points of the wheel controller [s], or the nearest that fits."""
+GOAL_MARKER = 0.15
+"""Radius of the disc that marks the goal in pictures [m]."""
+POSSIBLE = 1e7
+"""No coordinate [m] or speed [m/s] is beyond; NaN is not below."""
+DIVERGED = "the physics diverged"
+
+
+class PhysicsSimulator(PlanarSimulator):
+    """Robots with wheels, weight and contacts; all else is the planar simulator's.
+
+    Worlds, starts, goals and movers are those that the planar simulator draws for the same seed.
+    Clearance is measured in the plane. Readings have the described lidar's noise.
+    """
+
+    def __init__(
+        self, engine: type[Engine], robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+    ) -> None:
+        """Allocate the batch; ``how`` is as for ``PlanarSimulator``."""
+        super().__init__(robot, pool, num_envs, **how)
+        self._ticks = max(1, round(self.control_dt / TICK))
+        self._engine = engine(robot, pool.worlds, num_envs, self.control_dt / self._ticks)
+        self._wheels = WheelController(robot, num_envs, self.control_dt, self._ticks)
+        self._motion = Motion.of(num_envs)
+
+    def perturb(self, ranges: Perturbation) -> None:
+        """Refuse: only the planar simulator has perturbed robots."""
+        raise InputError("randomization: only the backend planar has it")
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return every array of the state, by name; what the engine keeps to itself is not there.
+
+        ``resume`` makes the best of it.
+        """
+        return super().arrays() | {"wheel_twist": self._wheels.twist}
+
+    def reset(
+        self, indices: NDArray[np.int64] | None = None, worlds: NDArray[np.int64] | None = None
+    ) -> None:
+        """Start new episodes in some environments (all by default); see ``PlanarSimulator``."""
+        if indices is None:
+            indices = np.arange(self.num_envs)
+        super().reset(indices, worlds)
+        self._stand(indices)
+
+    def place(self, indices: NDArray[np.int64], poses: ArrayLike, goals: ArrayLike) -> None:
+        """Put robots at rest at ``poses`` (n, 3) with ``goals`` (n, 2) in their present worlds."""
+        super().place(indices, poses, goals)
+        self._stand(indices)
+
+    def resume(self) -> None:
+        """Go on from arrays that were written from outside: robots begin at rest where they are."""
+        self._stand(np.arange(self.num_envs))
+
+    def _stand(self, indices: NDArray[np.int64]) -> None:
+        """Put robots at rest into the engine where their poses are, and look around."""
+        state = self.state
+        for i in indices:
+            movers = state.mover_position[i, : state.mover_count[i]]
+            scenario = Scenario(int(state.world[i]), state.pose[i], movers)
+            self._engine.reset(int(i), scenario)
+            self._engine.cast(int(i), state.ranges[i])
+        self._wheels.twist[indices] = 0.0
+        self.faults = {i: why for i, why in self.faults.items() if i not in indices}
+        self._perceive(np.asarray(indices, dtype=np.int64), True)
+
+    def step(self, command: ArrayLike) -> None:
+        """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step.
+
+        Raises:
+            ValueError: their shape is another one.
+        """
+        command = self.checked(command)
+        state, motion = self.state, self._motion
+        speeds = self._wheels.wheel_speeds(command)
+        self._engine.step(speeds, self._move_obstacles(), motion, state.ranges)
+        moved = np.abs(np.concatenate([motion.pose, motion.twist], axis=1))
+        # NaN is not below anything.
+        sound: Any = np.less(moved.max(axis=1), POSSIBLE)
+        self.faults = {int(i): DIVERGED for i in np.flatnonzero(~sound)}
+        # Whom the engine lost stands where it last was.
+        np.copyto(state.pose, motion.pose, where=sound[:, None])
+        state.twist[:] = np.where(sound[:, None], motion.twist, 0.0)
+        state.heading[:, 0], state.heading[:, 1] = (
+            np.cos(state.pose[:, 2]),
+            np.sin(state.pose[:, 2]),
+        )
+        state.contact[:] = motion.contact & sound
+        self._perceive(np.arange(self.num_envs), False)
+
+    def picture(self, i: int, eye_offset: FloatArray, size: tuple[int, int]) -> NDArray[np.uint8]:
+        """Return a picture (height, width, 3) of robot ``i`` and its goal.
+
+        The camera stands ``eye_offset`` (3,) [m] from the robot; ``size`` is width, height [px].
+
+        Raises:
+            InputError: the engine has nothing to draw with.
+        """
+        x, y, _ = self.state.pose[i].tolist()
+        goal = (float(self.state.goal[i, 0]), float(self.state.goal[i, 1]))
+        eye = (x + eye_offset[0], y + eye_offset[1], eye_offset[2])
+        return self._engine.picture(i, View(eye, (x, y, 0.1), size, goal, GOAL_MARKER))
+
+    def _move_obstacles(self) -> FloatArray:
+        """Move what moves; return where it is at each tick, (ticks, num_envs, most movers, 2)."""
+        before = self.state.mover_position.copy()
+        if self._has_movers:
+            base, _, arrays = self._scene
+            engine_kernels.move_obstacles(self.state, base, arrays, self._crowd)
+        way = self.state.mover_position - before
+        share = np.arange(1, self._ticks + 1) / self._ticks
+        return before + share[:, None, None, None] * way
+
+    def _perceive(self, indices: NDArray[np.int64], first: bool) -> None:
+        engine_kernels.perceive(self.state, indices, *self._scene, self._trail, first)
+
+    def keep(self, indices: NDArray[np.int64]) -> None:
+        """Go on with some of the environments only, as if there had never been others."""
+        super().keep(indices)
+        self._engine.keep(indices)
+        self._wheels.twist = self._wheels.twist[indices]
+        self._motion = Motion.of(len(indices))
