@@ -75,8 +75,11 @@ def cast_disc(x, y, r, lidar, ranges, i):
         sine = r / np.sqrt(squared)
         half = sine + (0.5 * np.pi - 1.0) * sine * sine * sine
         first, last, wrapped = covered(direction(x, y) - half, 2.0 * half, lidar)
-        cast_disc_beams(x, y, r, lidar, ranges, i, first, last)
-        cast_disc_beams(x, y, r, lidar, ranges, i, 0, wrapped)
+        for _ in range(2):  # Not two calls: both would be inlined, and the kernel grow for it.
+            cast_disc_beams(x, y, r, lidar, ranges, i, first, last)
+            if wrapped == 0:
+                break
+            first, last = 0, wrapped
 
 
 @compiled
@@ -89,7 +92,9 @@ def cast_disc_beams(x, y, r, lidar, ranges, i, begin, end):
         under = (r - across) * (r + across)
         distance = along - np.sqrt(max(under, np.float32(0.0)))
         hit = (under >= np.float32(0.0)) & (along > np.float32(0.0))
-        ranges[i, k] = min(ranges[i, k], distance if hit else np.float32(np.inf))
+        # Nothing is negative here. But for abs, LLVM would make the minimum a masked store, which
+        # AMD's processors are slow at, and from which nothing can be read on at once.
+        ranges[i, k] = abs(min(ranges[i, k], distance if hit else np.float32(np.inf)))
 
 
 @compiled
@@ -112,8 +117,11 @@ def cast_segment(x1, y1, x2, y2, lidar, ranges, i):
     else:
         width = direction(x1 * (x1 + ex) + y1 * (y1 + ey), cross)
         first, last, wrapped = covered(direction(x1, y1), width, lidar)
-        cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, first, last)
-        cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, 0, wrapped)
+        for _ in range(2):  # Not two calls: both would be inlined, and the kernel grow for it.
+            cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, first, last)
+            if wrapped == 0:
+                break
+            first, last = 0, wrapped
 
 
 @compiled
@@ -133,7 +141,9 @@ def cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, begin, end):
         from_right = x1 * lidar.sin[k] - y1 * lidar.cos[k]
         from_left = y2 * lidar.cos[k] - x2 * lidar.sin[k]
         hit = (across > np.float32(0.0)) & (from_right >= right) & (from_left >= left)
-        ranges[i, k] = min(ranges[i, k], cross / across if hit else np.float32(np.inf))
+        distance = cross / across
+        # See ``cast_disc_beams`` for abs.
+        ranges[i, k] = abs(min(ranges[i, k], distance if hit else np.float32(np.inf)))
 
 
 @compiled
