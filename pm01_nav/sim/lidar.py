@@ -12,13 +12,18 @@ import numpy as np
 
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.collision import segment, to_base
-from pm01_nav.sim.random import bits
+from pm01_nav.sim.random import GOLDEN, ONE, mix
 from pm01_nav.sim.state import BLOCK
 from pm01_nav.sim.views import listed, view_cell
 
 FEW_BEAMS = 48
 """Up to this many beams all are tested; finding those that matter would cost more."""
 TWO_PI = 2.0 * np.pi
+BEAM_ERROR = 2e-7
+"""Beams are cast in float32, which is as if each were turned by up to so much [rad].
+
+Three roundings of 2^-24 each. Twice as many beams fit into one vector instruction as of float64.
+"""
 ANGLE_ERROR = 1e-4
 """What ``direction`` may be off [rad]."""
 
@@ -70,23 +75,26 @@ def cast_disc(x, y, r, lidar, ranges, i):
         sine = r / np.sqrt(squared)
         half = sine + (0.5 * np.pi - 1.0) * sine * sine * sine
         first, last, wrapped = covered(direction(x, y) - half, 2.0 * half, lidar)
-        cast_disc_beams(x, y, r, lidar, ranges, i, first, last)
-        cast_disc_beams(x, y, r, lidar, ranges, i, 0, wrapped)
+        for _ in range(2):  # Not two calls: both would be inlined, and the kernel grow for it.
+            cast_disc_beams(x, y, r, lidar, ranges, i, first, last)
+            if wrapped == 0:
+                break
+            first, last = 0, wrapped
 
 
 @compiled
 def cast_disc_beams(x, y, r, lidar, ranges, i, begin, end):
-    """Test a disc against the beams [begin, end).
-
-    Only what cancels is kept in float64; the root is as exact in float32, and twice as fast.
-    """
+    """Test a disc against the beams [begin, end), as if each were turned by BEAM_ERROR at most."""
+    x, y, r = np.float32(x), np.float32(y), np.float32(r)
     for k in range(np.uint64(begin), np.uint64(end)):
         across = x * lidar.sin[k] - y * lidar.cos[k]
-        along = np.float32(x * lidar.cos[k] + y * lidar.sin[k])
-        under = np.float32((r - across) * (r + across))
+        along = x * lidar.cos[k] + y * lidar.sin[k]
+        under = (r - across) * (r + across)
         distance = along - np.sqrt(max(under, np.float32(0.0)))
         hit = (under >= np.float32(0.0)) & (along > np.float32(0.0))
-        ranges[i, k] = min(ranges[i, k], distance if hit else np.float32(np.inf))
+        # Nothing is negative here. But for abs, LLVM would make the minimum a masked store, which
+        # AMD's processors are slow at, and from which nothing can be read on at once.
+        ranges[i, k] = abs(min(ranges[i, k], distance if hit else np.float32(np.inf)))
 
 
 @compiled
@@ -96,8 +104,8 @@ def cast_segment(x1, y1, x2, y2, lidar, ranges, i):
     length_squared = max(ex * ex + ey * ey, 1e-18)
     cross = x1 * ey - y1 * ex
     range_squared = lidar.range_max * lidar.range_max
-    if cross * cross > range_squared * length_squared or cross * cross < 1e-24 * length_squared:
-        return  # The whole line is out of range, or seen edge-on, where it has no width.
+    if cross * cross > range_squared * length_squared or edge_on(cross, length_squared, lidar):
+        return  # The whole line is out of range, or has no width.
     along = min(max(-(x1 * ex + y1 * ey) / length_squared, 0.0), 1.0)
     nearest_x, nearest_y = x1 + along * ex, y1 + along * ey
     if nearest_x * nearest_x + nearest_y * nearest_y > range_squared:
@@ -109,22 +117,43 @@ def cast_segment(x1, y1, x2, y2, lidar, ranges, i):
     else:
         width = direction(x1 * (x1 + ex) + y1 * (y1 + ey), cross)
         first, last, wrapped = covered(direction(x1, y1), width, lidar)
-        cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, first, last)
-        cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, 0, wrapped)
+        for _ in range(2):  # Not two calls: both would be inlined, and the kernel grow for it.
+            cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, first, last)
+            if wrapped == 0:
+                break
+            first, last = 0, wrapped
 
 
 @compiled
 def cast_segment_beams(x1, y1, ex, ey, lidar, ranges, i, begin, end):
-    """Test a segment, given by its right end and its extent, against the beams [begin, end)."""
+    """Test a segment, given by its right end and its extent, against the beams [begin, end).
+
+    Its ends are drawn out by what beams may be off: none through the corner of two walls must slip
+    between them.
+    """
     cross = np.float32(x1 * ey - y1 * ex)
+    x2, y2 = np.float32(x1 + ex), np.float32(y1 + ey)
+    x1, y1, ex, ey = np.float32(x1), np.float32(y1), np.float32(ex), np.float32(ey)
+    right = np.float32(-BEAM_ERROR) * np.sqrt(x1 * x1 + y1 * y1)
+    left = np.float32(-BEAM_ERROR) * np.sqrt(x2 * x2 + y2 * y2)
     for k in range(np.uint64(begin), np.uint64(end)):
         across = lidar.cos[k] * ey - lidar.sin[k] * ex
-        along = x1 * lidar.sin[k] - y1 * lidar.cos[k]
-        # A hair beyond the ends: a beam through the corner of two walls must not slip between.
-        hair = 1e-9 * across
-        hit = (across > 0.0) & (along >= -hair) & (along <= across + hair)
-        distance = cross / np.float32(across)
-        ranges[i, k] = min(ranges[i, k], distance if hit else np.float32(np.inf))
+        from_right = x1 * lidar.sin[k] - y1 * lidar.cos[k]
+        from_left = y2 * lidar.cos[k] - x2 * lidar.sin[k]
+        hit = (across > np.float32(0.0)) & (from_right >= right) & (from_left >= left)
+        distance = cross / across
+        # See ``cast_disc_beams`` for abs.
+        ranges[i, k] = abs(min(ranges[i, k], distance if hit else np.float32(np.inf)))
+
+
+@compiled
+def edge_on(cross, length_squared, lidar):
+    """Tell whether a segment is seen so flat that beams which are a little off miss it or not.
+
+    ``cross`` is its length times the distance of its line from the lidar.
+    """
+    width = BEAM_ERROR * lidar.range_max
+    return cross * cross < width * width * length_squared
 
 
 @compiled
@@ -235,14 +264,19 @@ def _enter_grid(px, py, ux, uy, width, height):
 def add_noise(lidar, ranges, key, count, i):
     """Add a normal error to each range up to range_max.
 
-    One draw of 64 random bits picks four of the 65536 equally likely values in ``normal_values``.
+    One draw of 64 random bits picks four of the 65536 equally likely values in ``normal_values``;
+    it is worked out from a counter at hand, so that the draws do not wait for each other.
     """
     std, longest = np.float32(lidar.noise_std), np.float32(lidar.range_max)
-    for k in range(0, lidar.num_beams, 4):
-        word = bits(key, count, i)
-        for j in range(min(4, lidar.num_beams - k)):
-            value = lidar.normal_values[(word >> np.uint64(16 * j)) & np.uint64(0xFFFF)]
-            ranges[i, k + j] += std * value if ranges[i, k + j] <= longest else np.float32(0.0)
+    own_key, begin = key[i], count[i]
+    words = np.uint64((lidar.num_beams + 3) // 4)
+    for k in range(words):
+        word = mix(own_key + (begin + k + ONE) * GOLDEN)
+        for j in range(4):
+            exact = ranges[i, 4 * k + j]
+            error = lidar.normal_values[(word >> np.uint64(16 * j)) & np.uint64(0xFFFF)]
+            ranges[i, 4 * k + j] = exact + std * error if exact <= longest else exact
+    count[i] = begin + words
 
 
 @compiled
@@ -277,17 +311,16 @@ def sanitized(value, shortest, longest):
 def nearest_in_sectors(lidar, ranges, nearest, i):
     """Keep the nearest reading of each sector of neighbouring beams.
 
-    Of two ranges the nearer has the nearer reading, so that one reading a sector will do.
+    Of two ranges the nearer has the nearer reading, so that one reading a sector will do. All
+    sectors go through their beams together: these loops become vector instructions.
     """
     shortest, longest = np.float32(lidar.range_min), np.float32(lidar.range_max)
     sectors = np.uint64(nearest.shape[1])
     beams = np.uint64(lidar.num_beams) // sectors
-    if beams == np.uint64(1):  # Whole rows of this loop are vector instructions.
-        for s in range(sectors):
-            nearest[i, s] = reading(ranges[i, s], shortest, longest)
-        return
     for s in range(sectors):
-        least = ranges[i, s * beams]
-        for j in range(np.uint64(1), beams):
-            least = min(least, ranges[i, s * beams + j])
-        nearest[i, s] = reading(least, shortest, longest)
+        nearest[i, s] = ranges[i, s * beams]
+    for j in range(np.uint64(1), beams):
+        for s in range(sectors):
+            nearest[i, s] = min(nearest[i, s], ranges[i, s * beams + j])
+    for s in range(sectors):
+        nearest[i, s] = reading(nearest[i, s], shortest, longest)

@@ -190,9 +190,9 @@ class BaseParams(NamedTuple):
 class LidarParams(NamedTuple):
     """The lidar as the kernels read it; see ``Lidar`` for meanings and units."""
 
-    cos: FloatArray
+    cos: NDArray[np.float32]
     """Direction of each beam in the lidar frame, shape (num_beams padded to whole blocks,)."""
-    sin: FloatArray
+    sin: NDArray[np.float32]
     num_beams: int
     angle_min: float
     beams_per_radian: float
@@ -256,8 +256,8 @@ def lidar_params(robot: RobotSpec) -> LidarParams:
     lidar = robot.lidar
     angles = lidar.angle_min + lidar.angle_increment * np.arange(padded(lidar.num_beams))
     return LidarParams(
-        cos=np.cos(angles),
-        sin=np.sin(angles),
+        cos=np.cos(angles).astype(np.float32),
+        sin=np.sin(angles).astype(np.float32),
         num_beams=lidar.num_beams,
         angle_min=lidar.angle_min,
         beams_per_radian=1.0 / max(lidar.angle_increment, 1e-9),

@@ -21,6 +21,7 @@ from pm01_nav.sim.lidar import (
     cast_segment_beams,
     covered,
     direction,
+    edge_on,
     ray_to_grid,
     whole_blocks,
 )
@@ -213,8 +214,7 @@ def sweep_segment_beams(x1, y1, x2, y2, sweep, lidar, ranges, i, begin, end):
         cross = a1 * ey - l1 * ex
         if cross < 0.0:
             a1, l1, ex, ey = a2, l2, -ex, -ey
-        # Seen edge-on a segment has no width.
-        if cross * cross >= 1e-24 * (ex * ex + ey * ey):
+        if not edge_on(cross, ex * ex + ey * ey, lidar):
             first, last = max(begin, s * sweep.beams), min(end, (s + 1) * sweep.beams)
             cast_segment_beams(a1, l1, ex, ey, lidar, ranges, i, first, last)
 

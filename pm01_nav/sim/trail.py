@@ -42,6 +42,7 @@ def look_back(state, i, trail, x, y, cos, sin):
     for s in range(sectors):
         state.visited[i, s] = 0.0
     nearest = trail.near
+    per_near, per_reach, per_radian = 1.0 / trail.near, 1.0 / trail.reach, sectors / (2.0 * np.pi)
     latest = (state.trail_length[i] - 1) % capacity
     for k in range(min(state.trail_length[i], capacity)):
         dx, dy = to_base(state.trail[i, k, 0] - x, state.trail[i, k, 1] - y, cos, sin)
@@ -51,8 +52,8 @@ def look_back(state, i, trail, x, y, cos, sin):
         later = latest - k if k <= latest else latest - k + capacity
         if later >= trail.settled_places:
             nearest = min(nearest, distance)
-        weight = min(distance / trail.near, 1.0) * (1.0 - distance / trail.reach)
-        place = (direction(dx, dy) / (2.0 * np.pi) + 0.5) * sectors - 0.5
+        weight = min(distance * per_near, 1.0) * (1.0 - distance * per_reach)
+        place = direction(dx, dy) * per_radian + 0.5 * sectors - 0.5
         right = np.floor(place)
         share = place - right
         left = int(right) + 1  # 0 to ``sectors``, which is 0 again; remainders take long
