@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from ctypes.util import find_library
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
@@ -18,7 +18,8 @@ from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.worlds.pool import WorldPool
 
 BackendName = Literal["planar", "mujoco", "pybullet"]
-BACKENDS: tuple[BackendName, ...] = get_args(BackendName)
+EXTRAS = {"mujoco": "physics", "pybullet": "pybullet"}
+"""What to install for each engine."""
 
 
 def make_simulator(
@@ -32,8 +33,9 @@ def make_simulator(
     if backend == "planar":
         return PlanarSimulator(robot, pool, num_envs, **how)
     if find_spec(backend) is None:
+        extra = EXTRAS[backend]
         raise InputError(
-            f"backend = {backend!r}: is not installed; pip install 'pm01-nav[physics]'"
+            f"backend = {backend!r}: is not installed; pip install 'pm01-nav[{extra}]'"
         )
     from pm01_nav.backends.physics import PhysicsSimulator
 

@@ -155,6 +155,8 @@ def robot_table(robot: RobotSpec) -> Table:
 
 
 def _robot_rows(robot: RobotSpec) -> dict[str, dict[str, str]]:
+    from pm01_nav.backends.body import body_model
+
     footprint, limits, lidar = robot.footprint, robot.limits, robot.lidar
     corners = ", ".join(f"({x:g}, {y:g})" for x, y in footprint.vertices)
     opening = f"{math.degrees(lidar.angle_min):.1f} to {math.degrees(lidar.angle_max):.1f} deg"
@@ -170,6 +172,7 @@ def _robot_rows(robot: RobotSpec) -> dict[str, dict[str, str]]:
             f"{footprint.circumscribed_radius:.3f} m",
             "wheel radius": f"{robot.wheels.radius:g} m",
             "wheel separation": f"{robot.wheels.separation:g} m",
+            "mass, in physics engines": f"{body_model(robot).mass:.4g} kg",
         },
         "limits": {
             "speed": f"{limits.linear_min:g} to {limits.linear_max:g} m/s",

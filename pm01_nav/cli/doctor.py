@@ -121,7 +121,7 @@ def _optional() -> list[Finding]:
         ("imageio_ffmpeg", "videos", "pip install 'pm01-nav[viz]'"),
         ("pygame", 'windows (render_mode="human")', "pip install 'pm01-nav[viz]'"),
         ("mujoco", "--backend mujoco", "pip install 'pm01-nav[physics]'"),
-        ("pybullet", "--backend pybullet", "pip install 'pm01-nav[physics]'"),
+        ("pybullet", "--backend pybullet", "pip install 'pm01-nav[pybullet]'"),
     )
     return [
         Finding(name, "ok", purpose)

@@ -12,7 +12,7 @@ from pm01_nav.config import validate
 from pm01_nav.robot import RobotSpec, full_circle
 from pm01_nav.robot_import.gazebo import Drive, find_lidar
 from pm01_nav.robot_import.outline import find_outline
-from pm01_nav.robot_import.urdf import Urdf, read_urdf
+from pm01_nav.robot_import.urdf import Urdf, number, read_urdf
 from pm01_nav.robot_import.wheels import Axle, find_axle
 
 LIMITS: dict[str, float] = {
@@ -69,6 +69,8 @@ def import_urdf(
         "wheels.radius": axle.source,
         "wheels.separation": f"between {' and '.join(axle.joints)}",
     }
+    body, body_notes = _body(urdf)
+    notes |= body_notes
     data = {
         "name": robot_name(urdf.name or urdf.path.stem),
         "description": f"imported from {printable(urdf.path.name)}",
@@ -76,6 +78,7 @@ def import_urdf(
         "wheels": {"radius": _round(axle.radius), "separation": _round(axle.separation)},
         "limits": limits,
         "lidar": lidar,
+        "body": body,
     }
     spec = validate(RobotSpec, data, str(path))
     warnings = [*warnings, *lidar_warnings, *_doubts(drive, axle)]
@@ -140,6 +143,15 @@ def _lidar(urdf: Urdf, axle: Axle) -> tuple[dict[str, float | int], dict[str, st
         warnings = [*warnings, "no lidar found: its place and figures are defaults"]
     rounded = {k: v if isinstance(v, int) else _round(v) for k, v in figures.items()}
     return rounded, notes, warnings
+
+
+def _body(urdf: Urdf) -> tuple[dict[str, float | None], dict[str, str]]:
+    """Return the body for physics engines; its heights are left to who knows the robot."""
+    masses = urdf.root.findall("link/inertial/mass")
+    total = sum(number(mass, "value", f"{urdf.path}: mass") for mass in masses)
+    notes = {key: f"for physics engines; {DEFAULT}" for key in ("body.height", "body.lidar_height")}
+    notes["body.mass"] = "all links together" if total > 0.0 else DEFAULT
+    return {"mass": _round(total) if total > 0.0 else None}, notes
 
 
 def _doubts(drive: Drive, axle: Axle) -> list[str]:

@@ -103,10 +103,13 @@ def test_an_evaluation_says_why_it_lost_an_episode(
     assert results.success.tolist() == [False, True]
 
 
-def test_an_engine_that_is_missing_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("backend", "extra"), [("mujoco", "physics"), ("pybullet", "pybullet")])
+def test_an_engine_that_is_missing_names_the_extra(
+    monkeypatch: pytest.MonkeyPatch, backend: str, extra: str
+) -> None:
     monkeypatch.setattr(pm01_nav.backends, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"not installed; pip install 'pm01-nav\[physics\]'"):
-        batch_on("mujoco", 1)
+    with pytest.raises(InputError, match=rf"not installed; pip install 'pm01-nav\[{extra}\]'"):
+        batch_on(backend, 1)
 
 
 def test_unknown_backends_and_perturbed_robots_are_refused() -> None:

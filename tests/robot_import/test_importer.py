@@ -171,6 +171,8 @@ def test_our_own_description(tmp_path: Path) -> None:
         assert found.spec.limits == expected.limits
         lidar = found.spec.lidar.model_dump()
         assert lidar == pytest.approx(expected.lidar.model_dump(), abs=1e-8)
+        # 3.0 + 0.65 + 2 * 0.15 + 2 * 0.04 + 0.125 + 0.01 kg
+        assert found.spec.body.mass == pytest.approx(4.165)
 
 
 def test_meshes_need_figures(urdf: Write, tmp_path: Path) -> None:
