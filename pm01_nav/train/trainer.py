@@ -19,6 +19,7 @@ from stable_baselines3.common.logger import Logger, configure
 
 from pm01_nav.benchmark.evaluate import Evaluator
 from pm01_nav.config import write_atomically
+from pm01_nav.envs.devices import arrays_on
 from pm01_nav.envs.sb3_vec_env import NavVecEnv
 from pm01_nav.errors import InputError
 from pm01_nav.policy.export import export_policy, greedy_policy, policy_metadata
@@ -26,7 +27,7 @@ from pm01_nav.provenance import provenance
 from pm01_nav.sim.warm_up import warm_up
 from pm01_nav.task.config import observation_layout
 from pm01_nav.task.curriculum import Curriculum, apply, make_curriculum
-from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.navigation import Episodes, NavigationBatch
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.train.checkpoint import load_checkpoint, restore, save_checkpoint
 from pm01_nav.train.config import RunConfig
@@ -113,19 +114,27 @@ class Supervision(BaseCallback):
         self._evaluator: Evaluator | None = None
 
     @property
-    def _learner(self) -> PPO:
-        assert isinstance(self.model, PPO)
+    def _learner(self) -> Any:
         return self.model
+
+    def between_iterations(self, steps: int) -> bool:
+        """Do what is due between two iterations of a learner of our own; tell whether to go on."""
+        self.num_timesteps = steps
+        self._on_rollout_start()
+        return not self._finished
 
     def _on_step(self) -> bool:
         assert isinstance(self.training_env, NavVecEnv)
-        episodes = self.training_env.last_episodes
         if self._finished:
             return False
+        self.note(self.training_env.last_episodes)
+        return True
+
+    def note(self, episodes: Episodes | None) -> None:
+        """Note the training episodes that ended, if any."""
         self.curriculum.update(episodes)
         if episodes is not None:
             self.history.add_episodes(episodes)
-        return True
 
     def _on_rollout_start(self) -> None:
         """Run between two iterations: the last update is done, the next rollout not begun."""
@@ -260,7 +269,10 @@ def train(
         _go_on(data, model, supervision)
     _announce(progress, compiled, threads)
     with _stop_on_interrupt(supervision.interrupted.set):
-        model.learn(2**62, callback=supervision, reset_num_timesteps=data is None)
+        if isinstance(model, PPO):
+            model.learn(2**62, callback=supervision, reset_num_timesteps=data is None)
+        else:
+            model.learn(supervision)
     export_best(folder, config)
     return supervision.result()
 
@@ -275,7 +287,8 @@ def _environments(config: RunConfig) -> tuple[NavigationBatch, Curriculum]:
     if task.suite in ("barn", "dynabarn"):
         raise InputError(f"task {task.suite} is for testing only; train on barn_like")
     pool = world_pool(task, "train", task.num_worlds, config.train.seed)
-    batch = NavigationBatch(task, pool, config.train.ppo.n_envs)
+    arrays = arrays_on(config.train.device)
+    batch = NavigationBatch(task, pool, config.train.ppo.n_envs, arrays=arrays)
     names = [world.name for world in pool.worlds]
     settings = config.train
     curriculum = make_curriculum(settings.curriculum, settings.staged, settings.automatic, names)
@@ -283,9 +296,24 @@ def _environments(config: RunConfig) -> tuple[NavigationBatch, Curriculum]:
     return batch, curriculum
 
 
-def _learner(config: RunConfig, folder: RunFolder, batch: NavigationBatch, budget: Budget) -> PPO:
-    """Build the learner on its environments."""
+def _learner(config: RunConfig, folder: RunFolder, batch: NavigationBatch, budget: Budget) -> Any:
+    """Build the learner on its environments.
+
+    Raises:
+        InputError: it is not installed.
+    """
     seed, ppo = config.train.seed, config.train.ppo
+    if config.train.learner == "rsl_rl":
+        try:
+            from pm01_nav.train.rsl_ppo import RslRlLearner
+        except ImportError as error:
+            raise InputError(
+                f"train.learner = 'rsl_rl': {error.name} is missing; pip install 'pm01-nav[gpu]'"
+            ) from error
+        learner = RslRlLearner(ppo, batch, seed=seed, budget=budget)
+        learner.logger = _logger(folder)
+        learner.begin()
+        return learner
     env = NavVecEnv(batch, seed=seed << 32, reward_scale=ppo.reward_scale)
     model = make_ppo(ppo, env, batch.layout, seed=seed, progress=budget.fraction)
     model.set_logger(_logger(folder))
@@ -299,15 +327,16 @@ def _announce(progress: Progress, compiled: float, threads: ThreadChoice) -> Non
     progress.started(f"learner threads: {threads.threads} ({threads.reason})")
 
 
-def _go_on(data: dict[str, Any], model: PPO, supervision: Supervision) -> None:
+def _go_on(data: dict[str, Any], model: Any, supervision: Supervision) -> None:
     """Bring a fresh run to where a checkpoint was taken.
 
     Raises:
         InputError: the checkpoint belongs to another run, or the run's budget is spent.
     """
     folder, budget = supervision.folder, supervision.budget
-    assert model.env is not None
-    model.env.reset()
+    if isinstance(model, PPO):
+        assert model.env is not None
+        model.env.reset()
     restore(data, folder.last, model, supervision.batch)
     supervision.load_state(data["extra"])
     budget.steps_done = model.num_timesteps
@@ -351,7 +380,7 @@ def _compiling(run: Callable[[], None]) -> float:
 def _try_out(batch: NavigationBatch) -> None:
     """Reset and step once; the learner's own reset begins everything anew."""
     batch.reset(np.arange(batch.num_envs))
-    batch.step(np.zeros((batch.num_envs, 2)))
+    batch.step(batch.arrays.from_numpy(np.zeros((batch.num_envs, 2))))
 
 
 def _logger(folder: RunFolder) -> Logger:
