@@ -38,7 +38,7 @@ LARGE = {"n_envs": 65536, "n_steps": 28, "batch_size": 458752, "n_epochs": 4}
 """PPO at the most steps a second; ``device_defaults`` are for the fewest seconds to a policy."""
 
 
-def rates(function: Callable[[], None], steps: int) -> dict[str, Any]:
+def rates(function: Callable[[], Any], steps: int) -> dict[str, Any]:
     """Call a function that makes so many steps; return steps a second, median and all repeats."""
     for _ in range(WARM_UP):
         function()
@@ -53,22 +53,19 @@ def rates(function: Callable[[], None], steps: int) -> dict[str, Any]:
     return {"median": round(float(np.median(found))), "repeats": [round(r) for r in found]}
 
 
-def random_actions(num_envs: int, on: Arrays) -> torch.Tensor:
+def random_actions(num_envs: int, on: Arrays) -> Any:
     """Return actions (num_envs, 2) in [-1, 1] on the GPU."""
     return 2.0 * torch.rand(num_envs, 2, dtype=torch.float64, device=on.place) - 1.0
 
 
 def simulator_speed(pool: WorldPool, num_envs: int, beams: int, on: Arrays) -> dict[str, Any]:
-    """Measure steps of the simulator alone, and how much memory an environment takes."""
-    free = on.free_bytes()
+    """Measure steps of the simulator alone."""
     robot = with_beams(beams).robot_spec()
     simulator = CudaSimulator(robot, pool, num_envs, arrays=on, goal_distance=(2.0, np.inf))
     simulator.seed(np.arange(num_envs))
     simulator.reset()
     command = random_actions(num_envs, on)
-    result = rates(lambda: simulator.step(command), num_envs)
-    kilobytes = (free - on.free_bytes()) / num_envs / 1e3
-    return result | {"kilobytes_an_environment": round(kilobytes, 2)}
+    return rates(lambda: simulator.step(command), num_envs)
 
 
 def environment_speed(pool: WorldPool, num_envs: int, beams: int, on: Arrays) -> dict[str, Any]:
@@ -121,12 +118,14 @@ def time_to_99(seeds: int, budget: float) -> list[dict[str, Any]]:
     """Train `static` for ``budget`` seconds of the command; evaluate on 1000 held-out worlds."""
     with tempfile.TemporaryDirectory() as folder:
         options = ("--device", "cuda")
-        # Once before, so that everything is compiled.
+        # Once before, so that everything is compiled and all worlds are there.
         train_and_evaluate("static", budget, 0, 16, Path(folder) / "first", options)
-        return [
-            train_and_evaluate("static", budget, seed, 1000, Path(folder) / str(seed), options)
-            for seed in range(seeds)
-        ]
+        runs = []
+        for seed in range(seeds):
+            path = Path(folder) / str(seed)
+            runs.append(train_and_evaluate("static", budget, seed, 1000, path, options))
+            print(runs[-1], flush=True)
+        return runs
 
 
 def gpu() -> dict[str, str]:

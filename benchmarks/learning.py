@@ -44,7 +44,7 @@ def run(
     return {
         "seed": seed,
         "budget_s": budget,
-        "steps": int(history["steps"][-1]),
+        "steps": int(history.get("steps", [0])[-1]),
         "command_s": round(seconds, 1),
         **{key: summary[key] for key in keys},
     }

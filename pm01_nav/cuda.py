@@ -15,7 +15,7 @@ from numba.core import config as numba_config
 
 from pm01_nav.compilation import KERNEL_SOURCES, kernel_cache, patched
 
-SIMULATED = bool(numba_config.ENABLE_CUDASIM)
+SIMULATED = bool(getattr(numba_config, "ENABLE_CUDASIM", False))
 """Whether NUMBA_ENABLE_CUDASIM=1 lets the kernels run in Python on the CPU, for tests."""
 THREADS = 16 if SIMULATED else 128
 """Threads of a block; numba's simulator starts a thread of the CPU for each."""
@@ -40,7 +40,7 @@ def _simulated(function: Callable[..., None]) -> Any:
     It takes its arguments as one tuple: arrays that stand alone would be handed over in a disguise
     which functions that are compiled for the CPU do not know.
     """
-    body = cuda.jit(device=True)(function)
+    body: Any = cuda.jit(device=True)(function)
 
     def run(arguments: tuple[Any, ...]) -> None:
         body(*arguments)

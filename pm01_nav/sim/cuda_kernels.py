@@ -6,10 +6,11 @@ Nothing is computed here. A step is three kernels, since the scan has more threa
 
 from __future__ import annotations
 
-import numpy as np
-from numba import cuda
+from typing import Any
 
-from pm01_nav.sim import perturbed_kernels
+import numpy as np
+from numba import cuda as numba_cuda
+
 from pm01_nav.sim.kernels import (
     begin_episode,
     choose_world,
@@ -24,7 +25,11 @@ from pm01_nav.sim.lidar import reading
 from pm01_nav.sim.mover_starts import place_start
 from pm01_nav.sim.movers import step_movers
 from pm01_nav.sim.pedestrians import Tables
+from pm01_nav.sim.perturbed_kernels import move_wrongly, observe, place_anew, stand
 from pm01_nav.sim.state import LidarParams
+
+cuda: Any = numba_cuda
+"""numba describes ``cuda.grid`` to type checkers as it never is."""
 
 
 def move_all(state, command, base, worlds, time):
@@ -100,42 +105,51 @@ def begin_some(state, indices, base, worlds, scratch):
         locate(state, indices[row], base, worlds)
 
 
-def step_all_perturbed(
-    state, errors, drawn, command, base, lidar, worlds, time, trail, crowd, tables
-):
-    """Apply commands to robots with errors; see ``perturbed_kernels.step_batch``.
+def move_all_wrongly(state, errors, drawn, command, came_from, base, worlds, time, crowd, tables):
+    """Apply commands to robots with errors; ``came_from`` (num_envs, 3) keeps the last poses.
 
     Each thread has a row of ``tables`` and several robots.
     """
     thread, threads = cuda.grid(1), cuda.gridsize(1)
     own = tables_of(tables, thread)
     for i in range(thread, state.pose.shape[0], threads):
-        some = i, i + 1
-        perturbed_kernels.step_some(
-            state, errors, drawn, some, command, base, lidar, worlds, time, trail, crowd, own
-        )
+        for axis in range(3):
+            came_from[i, axis] = state.pose[i, axis]
+        move_wrongly(state, errors, drawn, i, command, base, worlds, time, crowd, own)
 
 
-def reset_some_perturbed(
-    state, errors, drawn, ranges, indices, base, lidar, worlds, trail, goal_distance, scratch
+def observe_some_wrongly(
+    state, errors, drawn, indices, came_from, base, lidar, worlds, trail, first
+):
+    """Measure what the sensors of robots with errors say; see ``perturbed_kernels.observe``."""
+    row = cuda.grid(1)
+    if row < indices.shape[0] and indices[row] >= 0:
+        i = indices[row]
+        x, y, yaw = came_from[i, 0], came_from[i, 1], came_from[i, 2]
+        observe(state, errors, drawn, i, x, y, yaw, base, lidar, worlds, trail, first)
+
+
+def reset_some_wrongly(
+    state, errors, drawn, ranges, indices, came_from, base, worlds, goal_distance, scratch
 ):
     """Start new episodes with new errors; see ``perturbed_kernels.reset_some``."""
     row = cuda.grid(1)
     if row < indices.shape[0] and indices[row] >= 0:
-        one = indices[row : row + 1]
-        perturbed_kernels.reset_some(
-            state, errors, drawn, ranges, one, base, lidar, worlds, trail, goal_distance, scratch
-        )
+        i = indices[row]
+        place_anew(state, errors, drawn, ranges, i, base, worlds, goal_distance)
+        stand(state, errors, drawn, i, worlds, scratch)
+        for axis in range(3):
+            came_from[i, axis] = state.pose[i, axis]
 
 
-def begin_some_perturbed(state, errors, drawn, indices, base, lidar, worlds, trail, scratch):
+def begin_some_wrongly(state, errors, drawn, indices, came_from, worlds, scratch):
     """Begin anew at poses that were set from outside; see ``perturbed_kernels.observe_some``."""
     row = cuda.grid(1)
     if row < indices.shape[0] and indices[row] >= 0:
-        one = indices[row : row + 1]
-        perturbed_kernels.observe_some(
-            state, errors, drawn, one, base, lidar, worlds, trail, scratch
-        )
+        i = indices[row]
+        stand(state, errors, drawn, i, worlds, scratch)
+        for axis in range(3):
+            came_from[i, axis] = state.pose[i, axis]
 
 
 def read_scans(ranges, scan, range_min, range_max):

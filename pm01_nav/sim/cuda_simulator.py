@@ -78,6 +78,7 @@ class CudaSimulator(PlanarSimulator):
         self._command = xp.zeros((self.num_envs, 2), dtype=xp.float64, device=place)
         self._everyone = xp.arange(self.num_envs, dtype=xp.int64, device=place)
         self._chosen = xp.zeros(self.num_envs + THREADS, dtype=xp.int64, device=place)
+        self._came_from = xp.zeros((self.num_envs, 3), dtype=xp.float64, device=place)
         self._true_ranges: Any = None
         self._readings: Any = None
         self._launches: dict[str, Callable[[int], None]] = {}
@@ -87,15 +88,16 @@ class CudaSimulator(PlanarSimulator):
         moved = (self._on.from_numpy(v) if isinstance(v, np.ndarray) else v for v in group)
         return type(group)(*moved)
 
-    def _for_kernel(self, group: Any) -> Any:
-        """Return a named tuple, or an array, as kernels take it."""
-        if not isinstance(group, tuple):
-            return group if isinstance(group, bool | int | float) else self._on.for_kernel(group)
-        return type(group)(*(self._seen(n, v) for n, v in zip(group._fields, group, strict=True)))
-
-    def _seen(self, name: str, value: Any) -> Any:
-        value = self._for_kernel(value)
-        return value.view(np.uint64) if name in UNSIGNED else value
+    def _for_kernel(self, value: Any, name: str = "") -> Any:
+        """Return a number, an array or a named tuple of them as kernels take it."""
+        if isinstance(value, bool | int | float):
+            return value
+        fields: tuple[str, ...] | None = getattr(value, "_fields", None)
+        if fields is not None:
+            named = zip(value, fields, strict=True)
+            return type(value)(*(self._for_kernel(part, field) for part, field in named))
+        array = self._on.for_kernel(value)
+        return array.view(np.uint64) if name in UNSIGNED else array
 
     def _launch(self, name: str, threads: int, *arguments: Any, use: str = "") -> None:
         """Launch a kernel of ``cuda_kernels``; its arguments count at the first launch only.
@@ -133,16 +135,17 @@ class CudaSimulator(PlanarSimulator):
         self.state.rng_key[...] = self._on.from_numpy(stream_keys(np.asarray(seeds)))
         self.state.rng_count[...] = 0
 
-    def step(self, command: ArrayLike) -> None:
+    def step(self, command: Any) -> None:
         """Apply velocity commands (num_envs, 2) [m/s, rad/s]; see ``PlanarSimulator``."""
         if tuple(np.shape(command)) != (self.num_envs, 2):
             raise ValueError(f"command: shape {np.shape(command)}, needs {(self.num_envs, 2)}")
         self._command[...] = command
-        base, lidar, worlds = self._scene
-        everything = (self._command, base, lidar, worlds, self._time, self._trail, self._crowd)
+        base, _, worlds = self._scene
         if self.errors is not None:
-            own = (self.state, self.errors, self.drawn, *everything)
-            self._launch_with_tables("step_all_perturbed", *own)
+            own = (self.state, self.errors, self.drawn, self._command, self._came_from)
+            rest = (base, worlds, self._time, self._crowd)
+            self._launch_with_tables("move_all_wrongly", *own, *rest)
+            self._observe_wrongly(self._everyone, self.num_envs, first=False)
             return
         moving = (self.state, self._command, base, worlds, self._time)
         if self._has_movers:
@@ -160,13 +163,20 @@ class CudaSimulator(PlanarSimulator):
     def _tables(self, threads: int) -> Tables:
         """Return room to work out the velocities of pedestrians, a row for each thread."""
         one = new_tables(self.state.mover_position.shape[1])
-        return self._moved(Tables(*(np.zeros((threads, *t.shape), t.dtype) for t in one)))
+        rows: Any = [np.zeros((threads, *t.shape), t.dtype) for t in one]
+        return self._moved(Tables(*rows))
 
     def _observe(self, indices: Any, count: int, use: str) -> None:
         """Measure and read the scans of the first ``count`` of ``indices``."""
         self._look(indices, count, self.state.ranges, use)
         rest = (self._scene[1], self._trail)
         self._launch("read_some", count, self.state, indices, *rest, use=use)
+
+    def _observe_wrongly(self, indices: Any, count: int, *, first: bool) -> None:
+        """Measure what sensors with errors say; the ``first`` scans begin their episodes."""
+        own = (self.state, self.errors, self.drawn, indices, self._came_from)
+        rest = (*self._scene, self._trail, first)
+        self._launch("observe_some_wrongly", count, *own, *rest, use="first" if first else "")
 
     def _look(self, indices: Any, count: int, ranges: Any, use: str) -> None:
         """Write exact ranges, several threads an environment."""
@@ -177,9 +187,7 @@ class CudaSimulator(PlanarSimulator):
             "look_some", threads, self.state, indices, lidar, worlds, ranges, width, use=use
         )
 
-    def reset(
-        self, indices: ArrayLike | None = None, worlds: NDArray[np.int64] | None = None
-    ) -> None:
+    def reset(self, indices: Any = None, worlds: Any = None) -> None:
         """Start new episodes in some environments (all by default); see ``PlanarSimulator``."""
         chosen = self._everyone if indices is None else indices
         count = self._choose(chosen)
@@ -189,11 +197,13 @@ class CudaSimulator(PlanarSimulator):
             self.state.world[...] = self._on.xp.where(chosen, -1, self.state.world)
         else:
             self.state.world[chosen] = -1
-        base, lidar, worlds_ = self._scene
+        base, _, worlds_ = self._scene
         end = (self._goal_distance, self._scratch)
         if self.errors is not None:
-            own = (self.state, self.errors, self.drawn, self._ranges, self._chosen, base, lidar)
-            self._launch("reset_some_perturbed", count, *own, worlds_, self._trail, *end)
+            own = (self.state, self.errors, self.drawn, self._ranges, self._chosen)
+            rest = (self._came_from, base, worlds_, *end)
+            self._launch("reset_some_wrongly", count, *own, *rest)
+            self._observe_wrongly(self._chosen, count, first=True)
             return
         name = "reset_some_in_crowds" if self._has_movers else "reset_some"
         self._launch(name, count, self.state, self._chosen, base, worlds_, *end)
@@ -213,14 +223,15 @@ class CudaSimulator(PlanarSimulator):
         self._chosen[count : count + THREADS] = -1
         return count
 
-    def place(self, indices: ArrayLike, poses: ArrayLike, goals: ArrayLike) -> None:
+    def place(self, indices: Any, poses: Any, goals: Any) -> None:
         """Put robots at rest at ``poses`` (n, 3) with ``goals`` (n, 2) in their present worlds."""
         self._stand(indices, self._on.xp.asarray(poses), self._on.xp.asarray(goals))
         count = self._choose(indices)
-        base, lidar, worlds = self._scene
+        base, _, worlds = self._scene
         if self.errors is not None:
-            own = (self.state, self.errors, self.drawn, self._chosen, base, lidar, worlds)
-            self._launch("begin_some_perturbed", count, *own, self._trail, self._scratch)
+            own = (self.state, self.errors, self.drawn, self._chosen, self._came_from)
+            self._launch("begin_some_wrongly", count, *own, worlds, self._scratch)
+            self._observe_wrongly(self._chosen, count, first=True)
             return
         self._launch("begin_some", count, self.state, self._chosen, base, worlds, self._scratch)
         self._observe(self._chosen, count, "some")
@@ -245,7 +256,7 @@ class CudaSimulator(PlanarSimulator):
         self._launch("read_scans", count, ranges, self._readings, *limits, use=use)
         return on.xp.asarray(self._readings, copy=True)
 
-    def keep(self, indices: ArrayLike) -> None:
+    def keep(self, indices: Any) -> None:
         """Go on with some of the environments only, as if there had never been others."""
         super().keep(indices)
         self._allocate()

@@ -25,6 +25,11 @@ class FramesLayout:
     interval_steps: int = 3
     """Control steps between one and the next."""
 
+    @property
+    def length(self) -> int:
+        """How many scans are remembered; after so many steps each lies where it lay before."""
+        return self.count * self.interval_steps + 1
+
     def __post_init__(self) -> None:
         """Refuse numbers that are not positive.
 
@@ -44,14 +49,9 @@ class FrameStack:
     ) -> None:
         """Make room; ``begin`` fills it."""
         self._ago = [layout.interval_steps * k for k in range(layout.count + 1)]
-        shape = (self._ago[-1] + 1, num_robots, sectors)
+        shape = (layout.length, num_robots, sectors)
         self._ring = arrays.xp.zeros(shape, dtype=arrays.xp.float32, device=arrays.place)
         self._now = np.zeros(1, dtype=np.int64)
-
-    @property
-    def length(self) -> int:
-        """After so many steps the places of the scans in memory are the same again."""
-        return len(self._ring)
 
     def begin(self, robots: NDArray[np.int64] | slice, scan: NDArray[np.float32]) -> None:
         """Let some robots have seen nothing but ``scan`` (n, sectors)."""

@@ -202,7 +202,7 @@ class NavigationBatch:
         step.reached, step.collided = judge(step, self.config)
         return step
 
-    def step(self, action: NDArray[Any]) -> BatchStep:
+    def step(self, action: Any) -> BatchStep:
         """Apply actions (num_envs, 2), clipped to [-1, 1]; reset what ended.
 
         Raises:
@@ -230,7 +230,6 @@ class NavigationBatch:
         xp = self.arrays.xp
         step, terms, terminated, truncated = self._play(action)
         done = terminated | truncated
-        final = self.observe()
         sums = xp.asarray(self._term_sums, copy=True)
         episode = (
             xp.asarray(self.simulator.state.world, copy=True),
@@ -239,9 +238,8 @@ class NavigationBatch:
             sums,
         )
         self._begin_where(done)
-        observation = xp.where(done[:, None], self.observe(), final)
         reward = xp.sum(terms, axis=0)
-        return MaskedStep(observation, reward, terminated, truncated, step.reached, *episode)
+        return MaskedStep(self.observe(), reward, terminated, truncated, step.reached, *episode)
 
     def _play(self, action: Any) -> tuple[Step, Any, Any, Any]:
         """Apply actions; return the step, its rewards by term, and what terminated or timed out."""

@@ -47,7 +47,7 @@ def device_defaults(device: str) -> dict[str, Any]:
     """Return settings of ``train`` that suit a device better than those for the CPU."""
     if device != "cuda":
         return {}
-    ppo = {"n_envs": 8192, "n_steps": 28, "batch_size": 14336}
+    ppo = {"n_envs": 4096, "n_steps": 28, "batch_size": 14336}
     return {"learner": "rsl_rl", "eval_every": 50_000_000, "ppo": ppo}
 
 

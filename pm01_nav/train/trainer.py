@@ -117,6 +117,10 @@ class Supervision(BaseCallback):
     def _learner(self) -> Any:
         return self.model
 
+    def watch(self, learner: Any) -> None:
+        """Look after a learner of our own, as SB3's is given one by SB3."""
+        self.model = learner
+
     def between_iterations(self, steps: int) -> bool:
         """Do what is due between two iterations of a learner of our own; tell whether to go on."""
         self.num_timesteps = steps

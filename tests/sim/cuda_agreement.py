@@ -13,6 +13,7 @@ import json
 import sys
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 
 from pm01_nav.envs.devices import arrays_on
@@ -89,6 +90,29 @@ def batch_differences(name: str, num_envs: int, steps: int) -> dict[str, float]:
     return worst
 
 
+def vector_env_differences(num_envs: int, steps: int) -> dict[str, float]:
+    """Return the same for what Gymnasium's vector environment gives."""
+    changes = {"num_worlds": 4, "time_limit_steps": 10}
+    name, on = "pm01_nav.envs:PM01Nav-v1", arrays_on("cuda")
+    cpu, gpu = (gym.make_vec(name, num_envs, device=d, **changes) for d in ("cpu", "cuda"))
+    worst = {
+        "reset_observation": difference(
+            cpu.reset(seed=SEED)[0], on.to_numpy(gpu.reset(seed=SEED)[0])
+        )
+    }
+    rng = np.random.default_rng(SEED)
+    for _ in range(steps):
+        action = rng.uniform(-1.0, 1.0, (num_envs, 2))
+        (*expected, told), (*actual, info) = cpu.step(action), gpu.step(action)
+        assert set(told) == set(info)
+        expected += [told[key] for key in ("final_obs", "_final_obs") if key in told]
+        actual += [info[key] for key in ("final_obs", "_final_obs") if key in info]
+        for n, (a, b) in enumerate(zip(expected, actual, strict=True)):
+            part = f"vector_env_{n}_{'observation' if n in (0, 4) else 'rest'}"
+            worst[part] = max(worst.get(part, 0.0), difference(a, on.to_numpy(b)))
+    return worst
+
+
 def difference(expected: np.ndarray, actual: np.ndarray) -> float:
     """Return the greatest difference; infinities and NaN must be in the same places."""
     if expected.dtype == np.uint64:
@@ -107,4 +131,6 @@ if __name__ == "__main__":
     found = differences(name, num_envs, steps, "--errors" in sys.argv)
     if "--errors" not in sys.argv:
         found |= batch_differences(name, num_envs, steps)
+    if name == "static":
+        found |= vector_env_differences(num_envs, steps)
     sys.stdout.write(json.dumps(found) + "\n")

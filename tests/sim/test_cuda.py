@@ -12,11 +12,20 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
+from pm01_nav.arrays import NUMPY
+from pm01_nav.envs.devices import arrays_on
+from pm01_nav.errors import InputError
+from pm01_nav.sim.cuda_simulator import CudaSimulator
+from pm01_nav.task.tasks import task_config
+from pm01_nav.task.worlds import world_pool
 
 pytest.importorskip("array_api_compat", reason="needs the extra `gpu`")
 
@@ -48,6 +57,23 @@ def gpu_missing() -> bool:
     import torch
 
     return not torch.cuda.is_available()
+
+
+def test_too_many_environments_for_the_gpu_are_refused_with_how_many_fit():
+    task = task_config("static").model_copy(update={"num_worlds": 2})
+    robot, pool = task.robot_spec(), world_pool(task, "train", 2)
+    small = replace(NUMPY, device="cuda", free_bytes=lambda: 3e6)
+    with pytest.raises(InputError, match="environments fit") as refused:
+        CudaSimulator(robot, pool, 5000, arrays=small)
+    # 360 float32 ranges and 360 float32 readings alone are 2880 bytes an environment.
+    fit = int(re.findall(r"at most (\d+)", str(refused.value))[0])
+    assert 500 < fit < 3e6 / 2880
+    CudaSimulator(robot, pool, fit, arrays=small)
+
+
+def test_unknown_device_is_refused():
+    with pytest.raises(InputError, match="allowed: cpu, cuda"):
+        arrays_on("tpu")
 
 
 def test_static_worlds_in_the_cuda_simulator():
