@@ -45,7 +45,8 @@ class RslRlLearner:
         """Build the learner where ``batch`` keeps its arrays."""
         torch.manual_seed(seed)
         device = torch.device(batch.arrays.place)
-        torch.set_float32_matmul_precision("high")  # On a GPU products of TF32, twice as fast.
+        if device.type == "cuda":
+            torch.set_float32_matmul_precision("high")  # TF32
         self.config, self.batch, self._budget = config, batch, budget
         self.policy = make_policy(config, batch.layout)
         """A copy on the CPU, by SB3's names: what is evaluated, stored and exported."""
@@ -75,8 +76,8 @@ class RslRlLearner:
             self._publish()
 
     def _update(self) -> None:
-        part = 1.0 - self._budget.fraction() * (1.0 - self.config.learning_rate_final)
-        rate = self.config.learning_rate * max(part, self.config.learning_rate_final)
+        spent = min(self._budget.fraction(), 1.0)
+        rate = self.config.learning_rate * (1.0 - (1.0 - self.config.learning_rate_final) * spent)
         for group in self._algorithm.optimizer.param_groups:
             group["lr"] = rate
         losses = self._algorithm.update()

@@ -17,6 +17,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, configure
 
+from pm01_nav.arrays import Arrays
 from pm01_nav.benchmark.evaluate import Evaluator
 from pm01_nav.config import write_atomically
 from pm01_nav.envs.devices import arrays_on
@@ -249,14 +250,15 @@ def train(
     once. With ``resume`` the last checkpoint is the beginning.
 
     Raises:
-        InputError: worlds, robot or checkpoint are unusable.
+        InputError: worlds, robot or checkpoint are unusable, or there is no such device.
     """
     keep_freed_memory()
     if not resume:
         folder.check_free(force=force)
+    arrays = arrays_on(config.train.device)
     data = load_checkpoint(folder.last) if resume else None
     compiled = _compiling(warm_up)
-    batch, curriculum = _environments(config)
+    batch, curriculum = _environments(config, arrays)
     # Worlds that move and robots with errors have kernels of their own.
     compiled += _compiling(lambda: _try_out(batch))
     # Only now that nothing can be wrong any more a former run may be replaced.
@@ -281,7 +283,7 @@ def train(
     return supervision.result()
 
 
-def _environments(config: RunConfig) -> tuple[NavigationBatch, Curriculum]:
+def _environments(config: RunConfig, arrays: Arrays) -> tuple[NavigationBatch, Curriculum]:
     """Make the robots in their worlds, and what chooses among these.
 
     Raises:
@@ -291,7 +293,6 @@ def _environments(config: RunConfig) -> tuple[NavigationBatch, Curriculum]:
     if task.suite in ("barn", "dynabarn"):
         raise InputError(f"task {task.suite} is for testing only; train on barn_like")
     pool = world_pool(task, "train", task.num_worlds, config.train.seed)
-    arrays = arrays_on(config.train.device)
     batch = NavigationBatch(task, pool, config.train.ppo.n_envs, arrays=arrays)
     names = [world.name for world in pool.worlds]
     settings = config.train
