@@ -30,6 +30,7 @@ from pm01_nav.task.config import observation_layout
 from pm01_nav.task.curriculum import Curriculum, apply, make_curriculum
 from pm01_nav.task.navigation import Episodes, NavigationBatch
 from pm01_nav.task.worlds import world_pool
+from pm01_nav.train.budget import Budget
 from pm01_nav.train.checkpoint import load_checkpoint, restore, save_checkpoint
 from pm01_nav.train.config import RunConfig
 from pm01_nav.train.history import History
@@ -65,27 +66,6 @@ class TrainResult:
     interrupted: bool
     best_success_rate: float
     best_steps: int
-
-
-class Budget:
-    """How much of a run's steps and seconds is spent."""
-
-    def __init__(self, config: RunConfig, started_at: float, spent_before: float) -> None:
-        """Count seconds from ``started_at`` (``perf_counter``) on top of ``spent_before``."""
-        self._steps, self._seconds = config.train.steps, config.train.time_budget
-        self._started_at = started_at - spent_before
-        self.steps_done = 0
-
-    @property
-    def seconds(self) -> float:
-        """Seconds spent so far."""
-        return time.perf_counter() - self._started_at
-
-    def fraction(self) -> float:
-        """Return the spent part of what runs out first, 0 to 1 and beyond."""
-        by_steps = self.steps_done / self._steps if self._steps else 0.0
-        by_time = self.seconds / self._seconds if self._seconds else 0.0
-        return max(by_steps, by_time)
 
 
 class Supervision(BaseCallback):
