@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from report import write_report
 
+from pm01_nav.arrays import NUMPY
 from pm01_nav.backends import BackendName, make_simulator
 from pm01_nav.robot import load_robot, robot_names
 from pm01_nav.task.tasks import task_config
@@ -41,7 +42,7 @@ CLOSE = 0.01
 def trajectory(backend: BackendName, robot: str, drive: str) -> np.ndarray:
     """Return x, y, yaw, v, w after each step of a drive, shape (steps, 5)."""
     spec, pool = load_robot(robot), build_pool([FIELD], radius=0.5)
-    simulator = make_simulator(backend, spec, pool, 1)
+    simulator = make_simulator(backend, NUMPY, spec, pool, 1)
     simulator.seed([0])
     simulator.reset()
     simulator.place(np.array([0]), [[0.0, 0.0, 0.0]], [[5.0, 0.0]])
@@ -73,7 +74,7 @@ def compare_scans(suite: str, engine: BackendName) -> dict[str, float]:
     pool = world_pool(task, "held_out", WORLDS, 1)
     scans = []
     for backend in ("planar", engine):
-        simulator = make_simulator(backend, load_robot("pm01"), pool, WORLDS)
+        simulator = make_simulator(backend, NUMPY, load_robot("pm01"), pool, WORLDS)
         simulator.seed(np.arange(WORLDS))
         simulator.reset(worlds=np.arange(len(pool))[:WORLDS])
         scans.append(simulator.scan.astype(np.float64))

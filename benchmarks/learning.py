@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,16 @@ from report import write_report
 PM01 = str(Path(sys.executable).with_name("pm01"))
 
 
-def run(task: str, budget: float, seed: int, episodes: int, folder: Path) -> dict[str, Any]:
-    """Train from a cold start of the command and evaluate; return the figures."""
+def run(
+    task: str, budget: float, seed: int, episodes: int, folder: Path, options: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Train from a cold start of the command and evaluate; return the figures.
+
+    ``options`` are further ones of ``pm01 train``.
+    """
     began = time.perf_counter()
     train = [PM01, "train", "--task", task, "--seed", str(seed), "--time-budget", str(budget)]
-    subprocess.run([*train, "--out", str(folder)], check=True, capture_output=True)
+    subprocess.run([*train, *options, "--out", str(folder)], check=True, capture_output=True)
     seconds = time.perf_counter() - began
     answer = subprocess.run(
         [PM01, "evaluate", str(folder), "--episodes", str(episodes), "--seed", "1", "--json", "-"],
@@ -38,7 +44,7 @@ def run(task: str, budget: float, seed: int, episodes: int, folder: Path) -> dic
     return {
         "seed": seed,
         "budget_s": budget,
-        "steps": int(history["steps"][-1]),
+        "steps": int(history.get("steps", [0])[-1]),
         "command_s": round(seconds, 1),
         **{key: summary[key] for key in keys},
     }

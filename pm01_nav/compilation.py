@@ -25,11 +25,12 @@ def cache_folder() -> Path:
 
 KERNEL_SOURCES = ("compilation.py", "sim/*.py", "worlds/**/*.py")
 """Files whose functions the simulator's kernels may call."""
+MISSING = object()
 PLANNER_SOURCES = (*KERNEL_SOURCES, "planners/*.py")
 
 
 @cache
-def _kernel_cache(sources: tuple[str, ...]) -> str:
+def kernel_cache(sources: tuple[str, ...]) -> str:
     """Return a folder whose name changes whenever one of the sources does.
 
     Numba looks only at the file of the outermost function, so a kernel would otherwise go on
@@ -82,7 +83,7 @@ def compiled(
     }
     # The setting is read here and now; other users of numba in this process keep theirs.
     planner = function.__module__.startswith("pm01_nav.planners")
-    folder = _kernel_cache(PLANNER_SOURCES if planner else KERNEL_SOURCES)
+    folder = kernel_cache(PLANNER_SOURCES if planner else KERNEL_SOURCES)
     with patched(numba_config, "CACHE_DIR", folder):
         return numba.njit(**options)(function)
 
@@ -102,9 +103,12 @@ def bound(kernel: Any, *arguments: object) -> Callable[..., None]:
 @contextmanager
 def patched(module: ModuleType, name: str, value: object) -> Iterator[None]:
     """Set an attribute of a module for a while."""
-    before = getattr(module, name)
+    before = getattr(module, name, MISSING)
     setattr(module, name, value)
     try:
         yield
     finally:
-        setattr(module, name, before)
+        if before is MISSING:
+            delattr(module, name)
+        else:
+            setattr(module, name, before)

@@ -12,6 +12,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, Literal
 
+from pm01_nav.arrays import Arrays
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.simulator import PlanarSimulator
@@ -23,13 +24,26 @@ EXTRAS = {"mujoco": "physics", "pybullet": "pybullet"}
 
 
 def make_simulator(
-    backend: BackendName, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+    backend: BackendName,
+    arrays: Arrays,
+    robot: RobotSpec,
+    pool: WorldPool,
+    num_envs: int,
+    **how: Any,
 ) -> PlanarSimulator:
     """Return ``num_envs`` robots in the worlds of ``pool``; ``how`` is as for ``PlanarSimulator``.
 
+    Where ``arrays`` are on a GPU, so is the simulator.
+
     Raises:
-        InputError: the engine is not installed.
+        InputError: the engine is not installed, or cannot run on a GPU.
     """
+    if arrays.device != "cpu":
+        if backend != "planar":
+            raise InputError(f"backend = {backend!r}: runs on the CPU only; give --device cpu")
+        from pm01_nav.sim.cuda_simulator import CudaSimulator
+
+        return CudaSimulator(robot, pool, num_envs, arrays=arrays, **how)
     if backend == "planar":
         return PlanarSimulator(robot, pool, num_envs, **how)
     if find_spec(backend) is None:

@@ -44,6 +44,7 @@ def robot_in_world(body: BodyModel, world: World, physics_dt: float) -> str:
 
 def _add_settings(root: Element, physics_dt: float) -> None:
     SubElement(root, "compiler", angle="radian")
+    SubElement(root, "size", memory="2M")
     option = SubElement(root, "option", integrator="implicitfast")
     option.set("timestep", text_of([physics_dt]))
     # Islands and bounding volumes cost more than they save with one robot. A state that diverged
@@ -56,13 +57,14 @@ def _add_settings(root: Element, physics_dt: float) -> None:
     SubElement(visual, "headlight", ambient="0.45 0.45 0.45", diffuse="0.45 0.45 0.45")
     assets = root.find("asset")
     assert assets is not None
-    checker = {"type": "2d", "builtin": "checker", "width": "256", "height": "256"}
+    # Small: each world's model has its own.
+    checker = {"type": "2d", "builtin": "checker", "width": "32", "height": "32"}
     colours = {"rgb1": "0.80 0.82 0.84", "rgb2": "0.74 0.76 0.79"}
     SubElement(assets, "texture", {"name": "floor"} | checker | colours)
     SubElement(
         assets, "material", name="floor", texture="floor", texrepeat="1 1", texuniform="true"
     )
-    sky = {"type": "skybox", "builtin": "gradient", "width": "256", "height": "256"}
+    sky = {"type": "skybox", "builtin": "gradient", "width": "32", "height": "32"}
     SubElement(assets, "texture", sky | {"rgb1": "0.86 0.90 0.95", "rgb2": "0.55 0.65 0.78"})
 
 

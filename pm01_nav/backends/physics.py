@@ -57,24 +57,28 @@ class PhysicsSimulator(PlanarSimulator):
         return super().arrays() | {"wheel_twist": self._wheels.twist}
 
     def reset(
-        self, indices: NDArray[np.int64] | None = None, worlds: NDArray[np.int64] | None = None
+        self,
+        indices: NDArray[np.int64 | np.bool_] | None = None,
+        worlds: NDArray[np.int64] | None = None,
     ) -> None:
         """Start new episodes in some environments (all by default); see ``PlanarSimulator``."""
+        super().reset(indices, worlds)
         if indices is None:
             indices = np.arange(self.num_envs)
-        super().reset(indices, worlds)
-        self._stand(indices)
+        elif indices.dtype == np.bool_:
+            indices = np.flatnonzero(indices)
+        self._set_down(indices)
 
     def place(self, indices: NDArray[np.int64], poses: ArrayLike, goals: ArrayLike) -> None:
         """Put robots at rest at ``poses`` (n, 3) with ``goals`` (n, 2) in their present worlds."""
         super().place(indices, poses, goals)
-        self._stand(indices)
+        self._set_down(indices)
 
     def resume(self) -> None:
         """Go on from arrays that were written from outside: robots begin at rest where they are."""
-        self._stand(np.arange(self.num_envs))
+        self._set_down(np.arange(self.num_envs))
 
-    def _stand(self, indices: NDArray[np.int64]) -> None:
+    def _set_down(self, indices: NDArray[Any]) -> None:
         """Put robots at rest into the engine where their poses are, and look around."""
         state = self.state
         for i in indices:

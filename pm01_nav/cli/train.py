@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pm01_nav.train.config import RunConfig
 
 DEFAULT_TIME_BUDGET = 60.0
-FLAGS = ("algo", "curriculum", "seed", "time_budget", "steps")
+FLAGS = ("algo", "learner", "device", "curriculum", "seed", "time_budget", "steps")
 """Options that are keys of ``train``."""
 
 
@@ -27,6 +27,18 @@ FLAGS = ("algo", "curriculum", "seed", "time_budget", "steps")
 @task_options
 @randomization_option
 @click.option("--algo", metavar="NAME", help="The algorithm: ppo.")
+@click.option(
+    "--learner",
+    metavar="NAME",
+    help="Who implements it: sb3, or rsl_rl, made for thousands of robots.  [default: sb3; rsl_rl "
+    "on cuda]",
+)
+@click.option(
+    "--device",
+    metavar="NAME",
+    help="Where robots are simulated and the policy learns: cpu, or cuda, an NVIDIA GPU.  "
+    "[default: cpu]",
+)
 @click.option(
     "--curriculum",
     metavar="NAME",
@@ -60,6 +72,7 @@ def command(**options: Any) -> None:
       pm01 train --task barn_like --steps 20000000 --out runs/barn
       pm01 train --config my.yaml --set train.ppo.gamma=0.97 --out runs/y
       pm01 train --resume runs/x --time-budget 120
+      pm01 train --task static --device cuda --time-budget 15 --out runs/gpu
     """
     from pm01_nav.errors import InputError
     from pm01_nav.train.run_folder import RunFolder
@@ -104,10 +117,10 @@ def run_config(task: Any, train_settings: dict[str, Any], source: str) -> RunCon
     Raises:
         InputError: a key is unknown or a value not allowed.
     """
-    from pm01_nav.config import validate
-    from pm01_nav.train.config import RunConfig
+    from pm01_nav.config import merge, validate
+    from pm01_nav.train.config import RunConfig, device_defaults
 
-    settings = dict(train_settings)
+    settings = merge(device_defaults(train_settings.get("device") or "cpu"), train_settings)
     if settings.get("steps") is None and settings.get("time_budget") is None:
         settings["time_budget"] = DEFAULT_TIME_BUDGET
     return validate(RunConfig, {"task": task.model_dump(), "train": settings}, source)
@@ -132,7 +145,7 @@ def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
 
     stored = RunFolder(resume).load_config()
     flags = {name: options.pop(name) for name in FLAGS}
-    for name in ("algo", "curriculum", "seed"):
+    for name in ("algo", "learner", "device", "curriculum", "seed"):
         before = getattr(stored.train, name)
         if flags[name] not in (None, before):
             raise InputError(f"{name}: {resume} was made with {name} {before}; it stays so")

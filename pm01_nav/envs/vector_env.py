@@ -10,8 +10,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from pm01_nav.envs.devices import arrays_on
 from pm01_nav.envs.render import RENDER_MODES, BatchRenderer
 from pm01_nav.envs.spaces import action_space, observation_space, resolve_task
+from pm01_nav.errors import InputError
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import Episodes, NavigationBatch
 from pm01_nav.task.worlds import world_pool
@@ -38,18 +40,24 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         num_envs: int = 1,
         task: str | TaskConfig = "static",
         render_mode: str | None = None,
+        device: str = "cpu",
         **changes: Any,
     ) -> None:
         """Make ``num_envs`` environments of a task; ``changes`` are keys of ``TaskConfig``.
 
+        On the device ``cuda`` the simulator runs on an NVIDIA GPU; observations, rewards and ends
+        are torch tensors there, and actions may be.
+
         Raises:
-            InputError: the task or a changed key is unknown, or a value is not allowed.
+            InputError: the task or a changed key is unknown, a value is not allowed, there is no
+                usable GPU, or pictures are asked for from one.
         """
         config = resolve_task(task, changes)
+        if render_mode and device != "cpu":
+            raise InputError(f"render_mode = {render_mode!r}: needs device='cpu'")
         self.num_envs = num_envs
-        self.batch = NavigationBatch(
-            config, world_pool(config, "train", config.num_worlds), num_envs
-        )
+        pool = world_pool(config, "train", config.num_worlds)
+        self.batch = NavigationBatch(config, pool, num_envs, arrays=arrays_on(device))
         self.single_observation_space = observation_space(self.batch.layout)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -60,18 +68,18 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], BatchInfo]:
+    ) -> tuple[Any, BatchInfo]:
         """Start new episodes everywhere; an int seed gives environment i the seed ``seed + i``."""
         observation = self.batch.reset(self._seeds(seed))
         for renderer in self._renderers:
             renderer.update(begin=True)
         return observation, {}
 
-    def step(
-        self, actions: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], BatchInfo]:
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, BatchInfo]:
         """Apply actions (num_envs, 2) in [-1, 1]."""
-        result = self.batch.step(np.asarray(actions, dtype=np.float64))
+        arrays = self.batch.arrays
+        float64 = arrays.xp.float64
+        result = self.batch.step(arrays.xp.asarray(actions, dtype=float64, device=arrays.place))
         ended = result.terminated | result.truncated
         for i, renderer in enumerate(self._renderers):
             renderer.update(begin=bool(ended[i]))
@@ -101,11 +109,13 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         return None
 
     def _infos(self, episodes: Episodes) -> BatchInfo:
-        ended = np.zeros(self.num_envs, dtype=np.bool_)
+        xp, place = self.batch.arrays.xp, self.batch.arrays.place
+        ended = xp.zeros(self.num_envs, dtype=xp.bool, device=place)
         ended[episodes.indices] = True
-        final = np.zeros((self.num_envs, self.batch.layout.size), dtype=np.float32)
+        size = (self.num_envs, self.batch.layout.size)
+        final = xp.zeros(size, dtype=xp.float32, device=place)
         final[ended] = episodes.final_observation
-        success, collision = np.zeros_like(ended), np.zeros_like(ended)
+        success, collision = xp.zeros_like(ended), xp.zeros_like(ended)
         success[ended], collision[ended] = episodes.success, episodes.collision
         final_info = {
             "is_success": success,

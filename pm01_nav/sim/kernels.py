@@ -106,17 +106,30 @@ def observe(state, begin, end, base, lidar, worlds, trail):
     It stands apart because it takes long to compile and is needed in several kernels.
     """
     for i in range(begin, end):
-        x, y = state.pose[i, 0], state.pose[i, 1]
-        cos, sin = state.heading[i, 0], state.heading[i, 1]
         locate(state, i, base, worlds)
-        cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], state.ranges, i)
-        if state.mover_count[i] > 0:
-            cast_movers(x, y, cos, sin, lidar, state, state.ranges, i)
-        if lidar.noise_std > 0.0:
-            add_noise(lidar, state.ranges, state.rng_key, state.rng_count, i)
-        nearest_in_sectors(lidar, state.ranges, state.nearest, i)
-        if state.visited.shape[1] > 0:
-            follow_trail(state, i, trail, x, y, cos, sin)
+        look(state, i, lidar, worlds, state.ranges)
+        read(state, i, lidar, trail)
+
+
+@compiled
+def look(state, i, lidar, worlds, ranges):
+    """Write the exact ranges of one environment; on a GPU a thread has some of the beams only."""
+    x, y = state.pose[i, 0], state.pose[i, 1]
+    cos, sin = state.heading[i, 0], state.heading[i, 1]
+    cast_scan(x, y, cos, sin, lidar, worlds, state.world[i], ranges, i)
+    if state.mover_count[i] > 0:
+        cast_movers(x, y, cos, sin, lidar, state, ranges, i)
+
+
+@compiled
+def read(state, i, lidar, trail):
+    """Make of the exact ranges of one environment what is measured and remembered."""
+    if lidar.noise_std > 0.0:
+        add_noise(lidar, state.ranges, state.rng_key, state.rng_count, i)
+    nearest_in_sectors(lidar, state.ranges, state.nearest, i)
+    if state.visited.shape[1] > 0:
+        x, y = state.pose[i, 0], state.pose[i, 1]
+        follow_trail(state, i, trail, x, y, state.heading[i, 0], state.heading[i, 1])
 
 
 @compiled

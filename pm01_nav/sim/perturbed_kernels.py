@@ -40,18 +40,24 @@ def step_batch(state, errors, drawn, command, base, lidar, worlds, time, trail, 
 def step_some(state, errors, drawn, some, command, base, lidar, worlds, time, trail, crowd, tables):
     """Step the environments from the first to the second of ``some``; see ``crowd_kernels``."""
     for i in range(some[0], some[1]):
-        key, count = state.rng_key, state.rng_count
         x, y, yaw = state.pose[i, 0], state.pose[i, 1], state.pose[i, 2]
-        drive(errors, drawn, i, command, base, key, count)
-        own_time = true_time(drawn, i, time, key, count)
-        own_base = true_base(drawn, i, base)
-        drift = 0.0
-        if state.mover_count[i] > 0:
-            own_crowd = true_crowd(crowd, own_time)
-            drift = step_movers(state, i, base, worlds, own_crowd, tables)
-        move(state, i, errors.command, own_base, worlds, own_time, drift)
-        advance_odometry(state, errors, drawn, i, x, y, yaw)
-        observe(state, errors, drawn, i, x, y, yaw, own_base, lidar, worlds, trail, False)
+        move_wrongly(state, errors, drawn, i, command, base, worlds, time, crowd, tables)
+        observe(state, errors, drawn, i, x, y, yaw, base, lidar, worlds, trail, False)
+
+
+@compiled
+def move_wrongly(state, errors, drawn, i, command, base, worlds, time, crowd, tables):
+    """Move the movers and the robot of one environment, and its odometry along."""
+    key, count = state.rng_key, state.rng_count
+    x, y, yaw = state.pose[i, 0], state.pose[i, 1], state.pose[i, 2]
+    drive(errors, drawn, i, command, base, key, count)
+    own_time = true_time(drawn, i, time, key, count)
+    drift = 0.0
+    if state.mover_count[i] > 0:
+        own_crowd = true_crowd(crowd, own_time)
+        drift = step_movers(state, i, base, worlds, own_crowd, tables)
+    move(state, i, errors.command, true_base(drawn, i, base), worlds, own_time, drift)
+    advance_odometry(state, errors, drawn, i, x, y, yaw)
 
 
 @compiled
@@ -63,11 +69,17 @@ def reset_some(
     ``ranges`` is what the errors are drawn from; the rest is as for robots without errors.
     """
     for i in indices:
-        choose_world(state, i, worlds)
-        x, y = place_start(state, i, base, worlds)
-        place(state, i, x, y, worlds, goal_distance)
-        draw_errors(errors, drawn, ranges, state.rng_key, state.rng_count, i)
+        place_anew(state, errors, drawn, ranges, i, base, worlds, goal_distance)
         begin(state, errors, drawn, i, base, lidar, worlds, trail, scratch)
+
+
+@compiled
+def place_anew(state, errors, drawn, ranges, i, base, worlds, goal_distance):
+    """Draw world, start, goal and errors of an episode."""
+    choose_world(state, i, worlds)
+    x, y = place_start(state, i, base, worlds)
+    place(state, i, x, y, worlds, goal_distance)
+    draw_errors(errors, drawn, ranges, state.rng_key, state.rng_count, i)
 
 
 @compiled
@@ -79,20 +91,25 @@ def observe_some(state, errors, drawn, indices, base, lidar, worlds, trail, scra
 
 @compiled
 def begin(state, errors, drawn, i, base, lidar, worlds, trail, scratch):
-    """Stand still at the present pose: no command on its way, no drift, a fresh scan."""
+    """Stand still at the present pose and look around."""
+    stand(state, errors, drawn, i, worlds, scratch)
+    x, y, yaw = state.pose[i, 0], state.pose[i, 1], state.pose[i, 2]
+    observe(state, errors, drawn, i, x, y, yaw, base, lidar, worlds, trail, True)
+
+
+@compiled
+def stand(state, errors, drawn, i, worlds, scratch):
+    """Forget the last episode: no command is on its way, and odometry has not drifted."""
     begin_episode(state, i, worlds, scratch)
     begin_commands(errors, i)
     begin_odometry(state, errors, drawn, i, state.rng_key, state.rng_count)
-    x, y, yaw = state.pose[i, 0], state.pose[i, 1], state.pose[i, 2]
-    own_base = true_base(drawn, i, base)
-    observe(state, errors, drawn, i, x, y, yaw, own_base, lidar, worlds, trail, True)
 
 
 @compiled(inline=False)
 def observe(state, errors, drawn, i, x, y, yaw, base, lidar, worlds, trail, first):
     """Measure clearance and goal truly, then what sensors say after a step from (x, y, yaw)."""
     key, count = state.rng_key, state.rng_count
-    locate(state, i, base, worlds)
+    locate(state, i, true_base(drawn, i, base), worlds)
     measure(state, errors, drawn, i)
     own_lidar = true_lidar(drawn, i, lidar)
     sweep_scan(state, errors, drawn, i, x, y, yaw, own_lidar, worlds)

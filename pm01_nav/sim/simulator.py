@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pm01_nav.arrays import array_namespace
 from pm01_nav.compilation import bound
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import crowd_kernels, kernels, perturbed_kernels
@@ -174,20 +175,33 @@ class PlanarSimulator:
         """Set the least and the greatest distance from a start to its goal [m] from now on."""
         self._goal_distance[:] = limits
 
+    def draw_worlds(self, weights: FloatArray) -> None:
+        """Draw worlds in proportion to ``weights`` (num_worlds,) from the next reset on.
+
+        Raises:
+            ValueError: a weight is negative or not finite, or none is positive.
+        """
+        self.pool.set_weights(weights)
+
     def seed(self, seeds: ArrayLike) -> None:
         """Begin the random stream of each environment anew; ``seeds`` has shape (num_envs,)."""
         self.state.rng_key[:] = stream_keys(np.asarray(seeds))
         self.state.rng_count[:] = 0
 
     def reset(
-        self, indices: NDArray[np.int64] | None = None, worlds: NDArray[np.int64] | None = None
+        self,
+        indices: NDArray[np.int64 | np.bool_] | None = None,
+        worlds: NDArray[np.int64] | None = None,
     ) -> None:
         """Start new episodes in some environments (all by default).
 
-        ``worlds`` fixes the world of each, shape like ``indices``; by default one is drawn.
+        ``indices`` may also be a mask of all. ``worlds`` fixes the world of each, shape like
+        ``indices``; by default one is drawn.
         """
         if indices is None:
             indices = np.arange(self.num_envs)
+        elif indices.dtype == np.bool_:
+            indices = np.flatnonzero(indices)
         indices = np.ascontiguousarray(indices, dtype=np.int64)
         self.state.world[indices] = -1 if worlds is None else worlds
         if self._run_reset is None:
@@ -261,14 +275,20 @@ class PlanarSimulator:
 
     def place(self, indices: NDArray[np.int64], poses: ArrayLike, goals: ArrayLike) -> None:
         """Put robots at rest at ``poses`` (n, 3) with ``goals`` (n, 2) in their present worlds."""
-        self.state.pose[indices] = poses
-        yaw = self.state.pose[indices, 2]
-        self.state.heading[indices] = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-        self.state.goal[indices] = goals
-        self.state.twist[indices] = 0.0
-        self.state.contact[indices] = False
+        self._stand(indices, poses, goals)
         rest = (indices, *self._scene, self._trail, self._scratch)
         if self.errors is None:
             kernels.observe_some(self.state, *rest)
         else:
             perturbed_kernels.observe_some(self.state, self.errors, self.drawn, *rest)
+
+    def _stand(self, indices: Any, poses: Any, goals: Any) -> None:
+        """Write poses (n, 3) and goals (n, 2) of robots at rest."""
+        state = self.state
+        state.pose[indices] = poses
+        yaw = state.pose[indices, 2]
+        xp = array_namespace(yaw)
+        state.heading[indices] = xp.stack([xp.cos(yaw), xp.sin(yaw)], axis=-1)
+        state.goal[indices] = goals
+        state.twist[indices] = 0.0
+        state.contact[indices] = False

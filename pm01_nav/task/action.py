@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from pm01_nav.arrays import array_namespace
+
 
 @dataclass(frozen=True)
 class ActionLimits:
@@ -20,7 +22,7 @@ class ActionLimits:
 
     def to_command(self, action: Any) -> Any:
         """Return (v, w) [m/s, rad/s] of actions (..., 2) in [-1, 1]."""
-        xp = action.__array_namespace__()
+        xp = array_namespace(action)
         half = 0.5 * (self.linear_max - self.linear_min)
         command = xp.empty_like(action)
         command[..., 0] = half * action[..., 0] + (self.linear_min + half)
@@ -29,7 +31,7 @@ class ActionLimits:
 
     def to_action(self, command: Any) -> Any:
         """Return the actions (..., 2) that stand for commands (..., 2) within the limits."""
-        xp = command.__array_namespace__()
+        xp = array_namespace(command)
         half = 0.5 * (self.linear_max - self.linear_min)
         linear = (command[..., 0] - self.linear_min) / half - 1.0
         return xp.clip(xp.stack([linear, command[..., 1] / self.angular_max], axis=-1), -1.0, 1.0)

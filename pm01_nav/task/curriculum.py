@@ -300,7 +300,7 @@ def make_curriculum(
 def apply(curriculum: Curriculum, batch: NavigationBatch) -> None:
     """Advance ``curriculum`` and let the next episodes of ``batch`` be drawn as it says."""
     curriculum.advance()
-    batch.simulator.pool.set_weights(curriculum.weights())
+    batch.simulator.draw_worlds(curriculum.weights())
     limits = curriculum.goal_distance()
     batch.simulator.limit_goal_distance(limits or batch.config.goal_distance_limits())
 

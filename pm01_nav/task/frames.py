@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pm01_nav.arrays import NUMPY, Arrays, array_namespace
 from pm01_nav.errors import InputError
 
 
@@ -23,6 +24,11 @@ class FramesLayout:
     """How many."""
     interval_steps: int = 3
     """Control steps between one and the next."""
+
+    @property
+    def length(self) -> int:
+        """How many scans are remembered; after so many steps each lies where it lay before."""
+        return self.count * self.interval_steps + 1
 
     def __post_init__(self) -> None:
         """Refuse numbers that are not positive.
@@ -38,15 +44,23 @@ class FramesLayout:
 class FrameStack:
     """The last scans of n robots, each as observations show it (``show_ranges``)."""
 
-    def __init__(self, layout: FramesLayout, num_robots: int, sectors: int) -> None:
+    def __init__(
+        self, layout: FramesLayout, num_robots: int, sectors: int, arrays: Arrays = NUMPY
+    ) -> None:
         """Make room; ``begin`` fills it."""
         self._ago = [layout.interval_steps * k for k in range(layout.count + 1)]
-        self._ring = np.zeros((self._ago[-1] + 1, num_robots, sectors), dtype=np.float32)
+        shape = (layout.length, num_robots, sectors)
+        self._ring = arrays.xp.zeros(shape, dtype=arrays.xp.float32, device=arrays.place)
         self._now = np.zeros(1, dtype=np.int64)
 
     def begin(self, robots: NDArray[np.int64] | slice, scan: NDArray[np.float32]) -> None:
         """Let some robots have seen nothing but ``scan`` (n, sectors)."""
         self._ring[:, robots] = scan
+
+    def begin_where(self, begins: Any, scan: Any) -> None:
+        """Let the robots of a mask (num_robots,) have seen nothing but ``scan`` (num_robots, n)."""
+        xp = array_namespace(scan)
+        self._ring[...] = xp.where(begins[None, :, None], scan[None], self._ring)
 
     def push(self, scan: NDArray[np.float32]) -> None:
         """Go on by one control step, in which the robots saw ``scan`` (num_robots, sectors)."""

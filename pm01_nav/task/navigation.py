@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pm01_nav.arrays import NUMPY, Arrays
 from pm01_nav.backends import make_simulator
 from pm01_nav.errors import InputError
 from pm01_nav.sim.state import Features, TrailParams
@@ -58,7 +59,27 @@ class BatchStep:
     """Those that ended, if any."""
 
 
-def _features(config: TaskConfig, layout: ObservationLayout) -> Features:
+class MaskedStep(NamedTuple):
+    """The outcome of one step where nothing may depend on which environments ended.
+
+    All have one row an environment; the last five tell of the episode and are final where it ended.
+    """
+
+    observation: Any
+    reward: Any
+    terminated: Any
+    truncated: Any
+    success: Any
+    world: Any
+    """The episode's world in the pool."""
+    steps: Any
+    returns: Any
+    """Sum of rewards."""
+    term_sums: Any
+    """Each reward term's weighted sum, shape (num_terms, num_envs)."""
+
+
+def features(config: TaskConfig, layout: ObservationLayout) -> Features:
     """Return what observations and rewards need from the simulator."""
     return Features(
         sectors=layout.sectors,
@@ -71,25 +92,34 @@ class NavigationBatch:
     """Many robots on the same task; a finished episode is followed by a new one at once."""
 
     def __init__(
-        self, config: TaskConfig, pool: WorldPool, num_envs: int, *, autoreset: bool = True
+        self,
+        config: TaskConfig,
+        pool: WorldPool,
+        num_envs: int,
+        *,
+        autoreset: bool = True,
+        arrays: Arrays = NUMPY,
     ) -> None:
         """Prepare ``num_envs`` robots in the worlds of ``pool``; call ``reset`` before ``step``.
 
-        Without ``autoreset`` the caller resets after an episode's end.
+        Without ``autoreset`` the caller resets after an episode's end. ``arrays`` are those that
+        the batch keeps, takes and returns; where they are on a GPU, so is the simulator.
         """
         self.config = config
         self.autoreset = autoreset
         self.robot = config.robot_spec()
         self.layout = observation_layout(config, self.robot)
         self.num_envs = num_envs
+        self.arrays = arrays
         self.simulator = make_simulator(
             config.backend,
+            arrays,
             self.robot,
             pool,
             num_envs,
             control_dt=config.control_dt,
             goal_distance=config.goal_distance_limits(),
-            features=_features(config, self.layout),
+            features=features(config, self.layout),
             pedestrians=config.pedestrians,
             pedestrians_avoid_robot=config.pedestrians_avoid_robot,
         )
@@ -98,10 +128,13 @@ class NavigationBatch:
         # Attributes of pydantic models are slow to read.
         self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
         frames, sectors = self.layout.frames, self.simulator.state.nearest.shape[1]
-        self._frames = FrameStack(frames, num_envs, sectors) if frames else None
-        self._count = np.zeros(num_envs, dtype=np.int64)
-        self._action = np.zeros((num_envs, 2))
-        self._term_sums = np.zeros((len(config.rewards), num_envs))
+        self._frames = FrameStack(frames, num_envs, sectors, arrays) if frames else None
+        self._count = self._zeros((num_envs,), arrays.xp.int64)
+        self._action = self._zeros((num_envs, 2), arrays.xp.float64)
+        self._term_sums = self._zeros((len(config.rewards), num_envs), arrays.xp.float64)
+
+    def _zeros(self, shape: tuple[int, ...], dtype: Any) -> Any:
+        return self.arrays.xp.zeros(shape, dtype=dtype, device=self.arrays.place)
 
     def reset(
         self, seeds: ArrayLike | None = None, worlds: NDArray[np.int64] | None = None
@@ -112,7 +145,7 @@ class NavigationBatch:
         """
         if seeds is not None:
             self.simulator.seed(seeds)
-        self._begin(np.arange(self.num_envs), worlds)
+        self._begin(self.arrays.xp.arange(self.num_envs, device=self.arrays.place), worlds)
         return self.observe()
 
     def observe(self, indices: NDArray[np.int64] | slice = ALL) -> NDArray[np.float32]:
@@ -136,13 +169,15 @@ class NavigationBatch:
     def advance(self, command: NDArray[np.float64]) -> Step:
         """Apply commands (num_envs, 2) [m/s, rad/s] and judge the outcome; nothing is reset."""
         state = self.simulator.state
-        before, path_before = state.goal_polar[:, 0].copy(), state.path_distance.copy()
+        xp = self.arrays.xp
+        before = xp.asarray(state.goal_polar[:, 0], copy=True)
+        path_before = xp.asarray(state.path_distance, copy=True)
         self.simulator.step(command)
         if self._frames:
             self._frames.push(self._scan())
         self._count += 1
         step = Step(
-            xp=np,
+            xp=xp,
             pose=state.pose,
             twist=state.twist,
             command=command,
@@ -161,24 +196,16 @@ class NavigationBatch:
         step.reached, step.collided = judge(step, self.config)
         return step
 
-    def step(self, action: NDArray[Any]) -> BatchStep:
+    def step(self, action: Any) -> BatchStep:
         """Apply actions (num_envs, 2), clipped to [-1, 1]; reset what ended.
 
         Raises:
             InputError: an action is not finite.
         """
-        if not np.isfinite(action).all():
+        if not self.arrays.xp.all(self.arrays.xp.isfinite(action)):
             raise InputError("actions must be finite numbers")
-        action = np.minimum(np.maximum(action, -1.0), 1.0)
-        step = self.advance(self.layout.limits.to_command(action))
-        step.action, step.previous_action = action, self._action
-        terms = self.reward_terms(step)
-        self._term_sums += terms
-        self._action = action
-        terminated = step.reached | step.collided
-        truncated = out_of_time(step, self.config) & ~terminated
-        truncated[list(step.faults)] = True
-        done = np.flatnonzero(terminated | truncated)
+        step, terms, terminated, truncated = self._play(action)
+        (done,) = self.arrays.xp.nonzero(terminated | truncated)
         observation = self.observe()
         episodes = None
         if len(done):
@@ -186,18 +213,51 @@ class NavigationBatch:
             if self.autoreset:
                 self._begin(done, None)
                 observation[done] = self.observe(done)
-        return BatchStep(
-            observation, terms.sum(axis=0), self._named(terms), terminated, truncated, episodes
+        reward = self.arrays.xp.sum(terms, axis=0)
+        return BatchStep(observation, reward, self._named(terms), terminated, truncated, episodes)
+
+    def step_all(self, action: Any) -> MaskedStep:
+        """Do the same as ``step``, in the same way whatever happens, so that a CUDA graph holds it.
+
+        Nothing is waited for and actions are not checked: they must be finite.
+        """
+        xp = self.arrays.xp
+        step, terms, terminated, truncated = self._play(action)
+        done = terminated | truncated
+        sums = xp.asarray(self._term_sums, copy=True)
+        episode = (
+            xp.asarray(self.simulator.state.world, copy=True),
+            xp.asarray(self._count, copy=True),
+            xp.sum(sums, axis=0),
+            sums,
         )
+        self._begin_where(done)
+        reward = xp.sum(terms, axis=0)
+        return MaskedStep(self.observe(), reward, terminated, truncated, step.reached, *episode)
+
+    def _play(self, action: Any) -> tuple[Step, Any, Any, Any]:
+        """Apply actions; return the step, its rewards by term, and what terminated or timed out."""
+        xp = self.arrays.xp
+        action = xp.minimum(xp.maximum(action, -1.0), 1.0)
+        step = self.advance(self.layout.limits.to_command(action))
+        step.action, step.previous_action = action, self._action
+        terms = self.reward_terms(step)
+        self._term_sums += terms
+        self._action[...] = action
+        terminated = step.reached | step.collided
+        truncated = out_of_time(step, self.config) & ~terminated
+        if step.faults:
+            truncated[list(step.faults)] = True
+        return step, terms, terminated, truncated
 
     def reward_terms(self, step: Step) -> NDArray[np.float64]:
         """Return each term's weighted share of the reward, shape (num_terms, num_envs).
 
         ``step.action`` and ``step.previous_action`` must be known.
         """
-        terms = np.empty_like(self._term_sums)
-        for row, (function, weight, params) in zip(terms, self._rewards, strict=True):
-            np.multiply(weight, function(step, **params), out=row)
+        terms = self.arrays.xp.empty_like(self._term_sums)
+        for row, (function, weight, params) in enumerate(self._rewards):
+            terms[row] = weight * function(step, **params)
         return terms
 
     def _named(self, terms: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
@@ -212,7 +272,7 @@ class NavigationBatch:
             success=step.reached[done],
             collision=step.collided[done],
             steps=self._count[done],
-            returns=self._term_sums[:, done].sum(axis=0),
+            returns=self.arrays.xp.sum(self._term_sums[:, done], axis=0),
             terms=self._named(self._term_sums[:, done]),
             final_observation=observation[done],
             faults=step.faults,
@@ -226,6 +286,15 @@ class NavigationBatch:
         self._action[indices] = 0.0
         self._term_sums[:, indices] = 0.0
 
+    def _begin_where(self, begins: Any) -> None:
+        """Start new episodes where a mask of all environments says so."""
+        self.simulator.reset(begins)
+        if self._frames:
+            self._frames.begin_where(begins, self._scan())
+        self._count *= ~begins
+        self._action *= ~begins[:, None]
+        self._term_sums *= ~begins
+
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Go on with these of the robots only; each goes on where it is."""
         self.num_envs = len(robots)
@@ -233,11 +302,11 @@ class NavigationBatch:
         if self._frames:
             self._frames.keep(robots)
         self._count, self._action = self._count[robots], self._action[robots]
-        self._term_sums = np.ascontiguousarray(self._term_sums[:, robots])
+        self._term_sums = self.arrays.xp.take(self._term_sums, robots, axis=1)
 
     def state_dict(self) -> dict[str, NDArray[Any]]:
         """Return copies of every array that makes up the batch's state."""
-        return {name: array.copy() for name, array in self._arrays().items()}
+        return {name: np.array(self.arrays.to_numpy(a)) for name, a in self._arrays().items()}
 
     def load_state_dict(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Go on from a state returned by ``state_dict``.
@@ -249,9 +318,12 @@ class NavigationBatch:
         if set(arrays) != set(mine):
             raise ValueError(f"state has {sorted(arrays)}, this batch needs {sorted(mine)}")
         for name, array in mine.items():
-            if arrays[name].shape != array.shape:
-                raise ValueError(f"state.{name}: {arrays[name].shape}, needs {array.shape}")
-            array[...] = arrays[name].view(array.dtype)
+            shape = tuple(array.shape)
+            if arrays[name].shape != shape:
+                raise ValueError(f"state.{name}: {arrays[name].shape}, needs {shape}")
+            kept_here = isinstance(array, np.ndarray)
+            given = arrays[name] if kept_here else self.arrays.from_numpy(arrays[name])
+            array[...] = given.view(array.dtype)
         self.simulator.resume()
 
     def _arrays(self) -> dict[str, NDArray[Any]]:

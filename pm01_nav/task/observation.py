@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+from pm01_nav.arrays import array_namespace
 from pm01_nav.errors import InputError
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
@@ -190,7 +191,7 @@ def discard_invalid(scan: Any, geometry: ScanGeometry) -> Any:
 
     Limits are compared in the precision of ``scan``: a driver's float32 range_min is valid.
     """
-    xp = scan.__array_namespace__()
+    xp = array_namespace(scan)
     within = (scan >= geometry.range_min) & (scan <= geometry.range_max)
     return xp.where(within | (scan == -xp.inf), scan, xp.inf)
 
@@ -202,7 +203,7 @@ def pool_sectors(ranges: Any, sectors: int) -> Any:
     """
     if sectors == 0:
         return ranges
-    xp = ranges.__array_namespace__()
+    xp = array_namespace(ranges)
     grouped = xp.reshape(ranges, (*ranges.shape[:-1], sectors, ranges.shape[-1] // sectors))
     return xp.min(grouped, axis=-1)
 
@@ -213,7 +214,7 @@ def show_ranges(layout: ObservationLayout, nearest: Any, *, normalized: bool = F
     ``nearest`` (..., sectors or num_beams) is the nearest range of each sector, by REP-117 with
     nothing invalid in it [m]. No return shows as range_max, and too close as range_min.
     """
-    xp = nearest.__array_namespace__()
+    xp = array_namespace(nearest)
     shown = _clip(xp, nearest, layout.scan.range_min, layout.scan.range_max)
     if layout.nearness_distance > 0.0:
         # (d - r) / (d + r), in fewer passes.
@@ -242,7 +243,7 @@ def build_observation(
     ``velocity`` (..., 2) v and w [m/s, rad/s], ``previous_action`` (..., 2) in [-1, 1],
     ``visited`` (..., trail.size) 0 to 1 if the layout has a trail.
     """
-    xp = goal.__array_namespace__()
+    xp = array_namespace(goal)
     scale = layout.scale if normalized else [1.0] * layout.size
     limits, bearing = layout.limits, goal[..., 1]
     # Column by column: numpy is slow on rows of one or two numbers.
@@ -252,7 +253,7 @@ def build_observation(
     columns.append(_clip(xp, velocity[..., 1], -limits.angular_max, limits.angular_max))
     if layout.previous_action:
         columns += [previous_action[..., 0], previous_action[..., 1]]
-    observation = xp.empty((*goal.shape[:-1], layout.size), dtype=xp.float32)
+    observation = xp.empty((*goal.shape[:-1], layout.size), dtype=xp.float32, device=goal.device)
     begin = 0
     for scan in scans:
         observation[..., begin : begin + scan.shape[-1]] = scan

@@ -17,7 +17,7 @@ def judge(step: Step, config: TaskConfig) -> tuple[Any, Any]:
     """
     at_goal = step.goal_distance < config.goal_radius
     if config.collision == "contact":
-        return at_goal & ~step.contact, step.contact.copy()
+        return at_goal & ~step.contact, step.xp.asarray(step.contact, copy=True)
     return at_goal, (step.nearest_return < config.collision_distance) & ~at_goal
 
 

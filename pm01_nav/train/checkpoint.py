@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO
 
 from pm01_nav.errors import InputError
 from pm01_nav.task.navigation import NavigationBatch
@@ -22,8 +21,8 @@ from pm01_nav.task.navigation import NavigationBatch
 FORMAT = 1
 
 
-def save_checkpoint(path: Path, model: PPO, batch: NavigationBatch, extra: dict[str, Any]) -> None:
-    """Write a checkpoint under a temporary name and rename it."""
+def save_checkpoint(path: Path, model: Any, batch: NavigationBatch, extra: dict[str, Any]) -> None:
+    """Write a checkpoint of SB3's PPO, or of what looks like it, under a temporary name; rename."""
     data = {
         "format": FORMAT,
         "policy": model.policy.state_dict(),
@@ -58,7 +57,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     return data
 
 
-def restore(data: dict[str, Any], path: Path, model: PPO, batch: NavigationBatch) -> None:
+def restore(data: dict[str, Any], path: Path, model: Any, batch: NavigationBatch) -> None:
     """Bring learner, environments and random numbers to where the checkpoint was taken.
 
     Raises:

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from pm01_nav.arrays import Device
 from pm01_nav.config import FrozenModel
 from pm01_nav.robot import NonNegative, Positive
 from pm01_nav.task.config import TaskConfig
@@ -42,10 +43,22 @@ class PPOConfig(FrozenModel):
     """The algorithm sees rewards times this; logged returns are not scaled."""
 
 
+def device_defaults(device: str) -> dict[str, Any]:
+    """Return settings of ``train`` that suit a device better than those for the CPU."""
+    if device != "cuda":
+        return {}
+    ppo = {"n_envs": 4096, "n_steps": 28, "batch_size": 14336}
+    return {"learner": "rsl_rl", "eval_every": 50_000_000, "ppo": ppo}
+
+
 class TrainConfig(FrozenModel):
     """One training run: what, how, how long and how often to look."""
 
     algo: Literal["ppo"] = "ppo"
+    learner: Literal["sb3", "rsl_rl"] = "sb3"
+    """Who implements the algorithm: Stable-Baselines3, or rsl_rl, made for thousands of robots."""
+    device: Device = "cpu"
+    """Where robots are simulated and, with rsl_rl, the policy learns; ``cuda`` is an NVIDIA GPU."""
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
     steps: Count | None = None
     """Environment steps, all robots together."""
@@ -70,6 +83,8 @@ class TrainConfig(FrozenModel):
     def _ends(self) -> TrainConfig:
         if self.steps is None and self.time_budget is None:
             raise ValueError("give steps, time_budget or both")
+        if self.learner == "sb3" and self.device != "cpu":
+            raise ValueError(f"device = {self.device}: needs learner = rsl_rl")
         samples = self.ppo.n_envs * self.ppo.n_steps
         if samples % self.ppo.batch_size:
             raise ValueError(

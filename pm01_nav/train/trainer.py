@@ -17,8 +17,10 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, configure
 
+from pm01_nav.arrays import Arrays
 from pm01_nav.benchmark.evaluate import Evaluator
 from pm01_nav.config import write_atomically
+from pm01_nav.envs.devices import arrays_on
 from pm01_nav.envs.sb3_vec_env import NavVecEnv
 from pm01_nav.errors import InputError
 from pm01_nav.policy.export import export_policy, greedy_policy, policy_metadata
@@ -26,8 +28,9 @@ from pm01_nav.provenance import provenance
 from pm01_nav.sim.warm_up import warm_up
 from pm01_nav.task.config import observation_layout
 from pm01_nav.task.curriculum import Curriculum, apply, make_curriculum
-from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.navigation import Episodes, NavigationBatch
 from pm01_nav.task.worlds import world_pool
+from pm01_nav.train.budget import Budget
 from pm01_nav.train.checkpoint import load_checkpoint, restore, save_checkpoint
 from pm01_nav.train.config import RunConfig
 from pm01_nav.train.history import History
@@ -65,27 +68,6 @@ class TrainResult:
     best_steps: int
 
 
-class Budget:
-    """How much of a run's steps and seconds is spent."""
-
-    def __init__(self, config: RunConfig, started_at: float, spent_before: float) -> None:
-        """Count seconds from ``started_at`` (``perf_counter``) on top of ``spent_before``."""
-        self._steps, self._seconds = config.train.steps, config.train.time_budget
-        self._started_at = started_at - spent_before
-        self.steps_done = 0
-
-    @property
-    def seconds(self) -> float:
-        """Seconds spent so far."""
-        return time.perf_counter() - self._started_at
-
-    def fraction(self) -> float:
-        """Return the spent part of what runs out first, 0 to 1 and beyond."""
-        by_steps = self.steps_done / self._steps if self._steps else 0.0
-        by_time = self.seconds / self._seconds if self._seconds else 0.0
-        return max(by_steps, by_time)
-
-
 class Supervision(BaseCallback):
     """Log, evaluate, save and stop, always between two iterations, where the state is whole."""
 
@@ -113,19 +95,31 @@ class Supervision(BaseCallback):
         self._evaluator: Evaluator | None = None
 
     @property
-    def _learner(self) -> PPO:
-        assert isinstance(self.model, PPO)
+    def _learner(self) -> Any:
         return self.model
+
+    def watch(self, learner: Any) -> None:
+        """Look after a learner of our own, as SB3's is given one by SB3."""
+        self.model = learner
+
+    def between_iterations(self, steps: int) -> bool:
+        """Do what is due between two iterations of a learner of our own; tell whether to go on."""
+        self.num_timesteps = steps
+        self._on_rollout_start()
+        return not self._finished
 
     def _on_step(self) -> bool:
         assert isinstance(self.training_env, NavVecEnv)
-        episodes = self.training_env.last_episodes
         if self._finished:
             return False
+        self.note(self.training_env.last_episodes)
+        return True
+
+    def note(self, episodes: Episodes | None) -> None:
+        """Note the training episodes that ended, if any."""
         self.curriculum.update(episodes)
         if episodes is not None:
             self.history.add_episodes(episodes)
-        return True
 
     def _on_rollout_start(self) -> None:
         """Run between two iterations: the last update is done, the next rollout not begun."""
@@ -236,14 +230,15 @@ def train(
     once. With ``resume`` the last checkpoint is the beginning.
 
     Raises:
-        InputError: worlds, robot or checkpoint are unusable.
+        InputError: worlds, robot or checkpoint are unusable, or there is no such device.
     """
     keep_freed_memory()
     if not resume:
         folder.check_free(force=force)
+    arrays = arrays_on(config.train.device)
     data = load_checkpoint(folder.last) if resume else None
     compiled = _compiling(warm_up)
-    batch, curriculum = _environments(config)
+    batch, curriculum = _environments(config, arrays)
     # Worlds that move and robots with errors have kernels of their own.
     compiled += _compiling(lambda: _try_out(batch))
     # Only now that nothing can be wrong any more a former run may be replaced.
@@ -260,12 +255,15 @@ def train(
         _go_on(data, model, supervision)
     _announce(progress, compiled, threads)
     with _stop_on_interrupt(supervision.interrupted.set):
-        model.learn(2**62, callback=supervision, reset_num_timesteps=data is None)
+        if isinstance(model, PPO):
+            model.learn(2**62, callback=supervision, reset_num_timesteps=data is None)
+        else:
+            model.learn(supervision)
     export_best(folder, config)
     return supervision.result()
 
 
-def _environments(config: RunConfig) -> tuple[NavigationBatch, Curriculum]:
+def _environments(config: RunConfig, arrays: Arrays) -> tuple[NavigationBatch, Curriculum]:
     """Make the robots in their worlds, and what chooses among these.
 
     Raises:
@@ -275,7 +273,7 @@ def _environments(config: RunConfig) -> tuple[NavigationBatch, Curriculum]:
     if task.suite in ("barn", "dynabarn"):
         raise InputError(f"task {task.suite} is for testing only; train on barn_like")
     pool = world_pool(task, "train", task.num_worlds, config.train.seed)
-    batch = NavigationBatch(task, pool, config.train.ppo.n_envs)
+    batch = NavigationBatch(task, pool, config.train.ppo.n_envs, arrays=arrays)
     names = [world.name for world in pool.worlds]
     settings = config.train
     curriculum = make_curriculum(settings.curriculum, settings.staged, settings.automatic, names)
@@ -283,9 +281,24 @@ def _environments(config: RunConfig) -> tuple[NavigationBatch, Curriculum]:
     return batch, curriculum
 
 
-def _learner(config: RunConfig, folder: RunFolder, batch: NavigationBatch, budget: Budget) -> PPO:
-    """Build the learner on its environments."""
+def _learner(config: RunConfig, folder: RunFolder, batch: NavigationBatch, budget: Budget) -> Any:
+    """Build the learner on its environments.
+
+    Raises:
+        InputError: it is not installed.
+    """
     seed, ppo = config.train.seed, config.train.ppo
+    if config.train.learner == "rsl_rl":
+        try:
+            from pm01_nav.train.rsl_ppo import RslRlLearner
+        except ImportError as error:
+            raise InputError(
+                f"train.learner = 'rsl_rl': {error.name} is missing; pip install 'pm01-nav[gpu]'"
+            ) from error
+        learner = RslRlLearner(ppo, batch, seed=seed, budget=budget)
+        learner.logger = _logger(folder)
+        learner.begin()
+        return learner
     env = NavVecEnv(batch, seed=seed << 32, reward_scale=ppo.reward_scale)
     model = make_ppo(ppo, env, batch.layout, seed=seed, progress=budget.fraction)
     model.set_logger(_logger(folder))
@@ -299,15 +312,16 @@ def _announce(progress: Progress, compiled: float, threads: ThreadChoice) -> Non
     progress.started(f"learner threads: {threads.threads} ({threads.reason})")
 
 
-def _go_on(data: dict[str, Any], model: PPO, supervision: Supervision) -> None:
+def _go_on(data: dict[str, Any], model: Any, supervision: Supervision) -> None:
     """Bring a fresh run to where a checkpoint was taken.
 
     Raises:
         InputError: the checkpoint belongs to another run, or the run's budget is spent.
     """
     folder, budget = supervision.folder, supervision.budget
-    assert model.env is not None
-    model.env.reset()
+    if isinstance(model, PPO):
+        assert model.env is not None
+        model.env.reset()
     restore(data, folder.last, model, supervision.batch)
     supervision.load_state(data["extra"])
     budget.steps_done = model.num_timesteps
@@ -351,7 +365,7 @@ def _compiling(run: Callable[[], None]) -> float:
 def _try_out(batch: NavigationBatch) -> None:
     """Reset and step once; the learner's own reset begins everything anew."""
     batch.reset(np.arange(batch.num_envs))
-    batch.step(np.zeros((batch.num_envs, 2)))
+    batch.step(batch.arrays.from_numpy(np.zeros((batch.num_envs, 2))))
 
 
 def _logger(folder: RunFolder) -> Logger:

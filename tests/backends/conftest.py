@@ -9,6 +9,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
+from pm01_nav.arrays import NUMPY
 from pm01_nav.backends import make_simulator
 from pm01_nav.robot import load_robot
 from pm01_nav.sim.simulator import PlanarSimulator
@@ -41,7 +42,7 @@ def make() -> Make:
     ) -> PlanarSimulator:
         spec = load_robot(robot).model_copy(update=changes)
         pool = build_pool([world], radius=0.3)
-        simulator = make_simulator(backend, spec, pool, len(poses))
+        simulator = make_simulator(backend, NUMPY, spec, pool, len(poses))
         count = len(poses)
         simulator.seed(np.arange(count))
         simulator.reset()
