@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pm01_nav.arrays import array_namespace
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.step import Step
 
@@ -17,7 +18,9 @@ def judge(step: Step, config: TaskConfig) -> tuple[Any, Any]:
     """
     at_goal = step.goal_distance < config.goal_radius
     if config.collision == "contact":
-        return at_goal & ~step.contact, step.xp.asarray(step.contact, copy=True)
+        # A copy: the next reset clears the simulator's own.
+        touched = array_namespace(step.contact).asarray(step.contact, copy=True)
+        return at_goal & ~touched, touched
     return at_goal, (step.nearest_return < config.collision_distance) & ~at_goal
 
 
