@@ -126,14 +126,14 @@ def test_off_on_and_a_file(tmp_path: Path) -> None:
 def test_flag_goes_over_the_stored_task() -> None:
     stored = resolve_task("static", {"randomization": {"slip": [0.1, 0.2]}})
     assert task_from_options(stored, task=None, **NOTHING) == stored
-    on = task_from_options(stored, None, **NOTHING, randomization="on")
+    on = task_from_options(stored, task=None, **NOTHING, randomization="on")
     assert on.randomization == default_randomization()
-    assert task_from_options(stored, None, **NOTHING, randomization="off").randomization is None
+    assert task_from_options(stored, task=None, **NOTHING, randomization="off").randomization is None
 
 
 def test_single_keys_can_be_set() -> None:
     settings = NOTHING | {"changes": ("task.randomization.slip=[0.1, 0.2]",)}
-    changed = task_from_options(None, "static", **settings)
+    changed = task_from_options(None, task="static", **settings)
     assert changed.randomization == RandomizationConfig(slip=(0.1, 0.2))
 
 
