@@ -88,13 +88,16 @@ class Engine(Protocol):
 
         ``wheel_speeds`` (ticks, num_envs, 2) [rad/s] are those of the left and the right wheel;
         ``movers`` (ticks, num_envs, most movers, 2) [m] say where movers are at each tick's end.
-        ``ranges`` (num_envs, at least num_beams) is as for ``cast``. A row of ``motion.pose`` that
+        ``ranges`` is as for ``cast``. A row of ``motion.pose`` that
         is not finite says that the engine lost the robot; its ranges are left as they were.
         """
         ...
 
-    def cast(self, i: int, ranges: NDArray[np.float32]) -> None:
-        """Write the exact ranges of robot ``i``'s lidar [m], infinity where nothing is hit."""
+    def cast(self, indices: NDArray[np.int64], ranges: NDArray[np.float32]) -> None:
+        """Write the exact ranges of some robots' lidars [m], infinity where nothing is hit.
+
+        They go into these robots' rows of ``ranges`` (num_envs, at least num_beams).
+        """
         ...
 
     def picture(self, i: int, view: View) -> NDArray[np.uint8]:

@@ -33,8 +33,6 @@ STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 CONTROLS = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_MOCAP_POS)
 PLACE, SPEED = slice(1, 8), slice(10, 16)
 """Where the base's x, y, z, quaternion and its velocity stand in a state."""
-BASE = -3
-"""``base_link`` among the bodies: both wheels come after it, all else before."""
 SIZES = ("nbody", "ngeom", "nmocap", "nbvh", "nbvhstatic", "nbvhdynamic", "narena")
 
 
@@ -95,8 +93,7 @@ class MujocoEngine:
         for i in range(len(self._robots)):
             self._movers[i] = movers[-1, i]
         self._read(motion)
-        for i in np.flatnonzero(np.isfinite(motion.pose).all(axis=1)):
-            self.cast(int(i), ranges[i])
+        self.cast(np.flatnonzero(np.isfinite(motion.pose[:, 0])), ranges)
 
     def _group(self) -> dict[tuple[int, ...], NDArray[np.int64]]:
         """Return which robots can be stepped together, by the size of their models."""
@@ -149,19 +146,22 @@ class MujocoEngine:
         vx, vy, _, _, _, w = self._state[:, SPEED].T
         motion.twist[:] = np.stack([vx * np.cos(yaw) + vy * np.sin(yaw), w], axis=-1)
 
-    def cast(self, i: int, ranges: NDArray[np.float32]) -> None:
-        """Write the exact ranges of robot ``i``'s lidar [m]; see ``Engine``."""
-        model, data = self._show(i)
-        turn = data.xmat[BASE].reshape(3, 3)
-        origin = data.xpos[BASE] + turn @ self._body.lidar
+    def cast(self, indices: NDArray[np.int64], ranges: NDArray[np.float32]) -> None:
+        """Write the exact ranges of some robots' lidars [m]; see ``Engine``."""
         count, reach = len(self._beams), self._range_max
-        distance, geom = np.empty(count), np.empty(count, dtype=np.int32)
-        along = (self._beams @ turn.T).ravel()
-        mujoco.mj_multiRay(
-            model, data, origin, along, self._seen, True, -1, geom, distance, None, count, reach
-        )
+        place = self._state[indices, PLACE]
+        turn = _rotations(place[:, 3:])
+        origins = place[:, :3] + turn @ self._body.lidar
+        along = (self._beams @ turn.transpose(0, 2, 1)).reshape(len(indices), -1)
+        distance = np.empty((len(indices), count))
+        geoms = np.empty(count, dtype=np.int32)
+        for i, origin, beams, row in zip(indices.tolist(), origins, along, distance, strict=True):
+            model, data = self._show(i)
+            mujoco.mj_multiRay(
+                model, data, origin, beams, self._seen, True, -1, geoms, row, None, count, reach
+            )
         missed = (distance < 0.0) | (distance > reach)
-        ranges[:count] = np.where(missed, np.inf, distance)
+        ranges[indices, :count] = np.where(missed, np.inf, distance)
 
     def _show(self, i: int) -> tuple[Any, Any]:
         """Return the model of robot ``i``, and data in which everything is where it is now."""
@@ -198,3 +198,14 @@ class MujocoEngine:
         if len(self._models) > MOST_MODELS:
             self._models.popitem(last=False)
         return compiled
+
+
+def _rotations(quaternions: FloatArray) -> FloatArray:
+    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4), the scalar first."""
+    w, x, y, z = quaternions.T
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.array(rows).transpose(2, 0, 1)

@@ -85,7 +85,7 @@ class PhysicsSimulator(PlanarSimulator):
             movers = state.mover_position[i, : state.mover_count[i]]
             scenario = Scenario(int(state.world[i]), state.pose[i], movers)
             self._engine.reset(int(i), scenario)
-            self._engine.cast(int(i), state.ranges[i])
+        self._engine.cast(np.asarray(indices), state.ranges)
         self._wheels.twist[indices] = 0.0
         self.faults = {i: why for i, why in self.faults.items() if i not in indices}
         self._perceive(np.asarray(indices, dtype=np.int64), True)

@@ -130,11 +130,14 @@ class PybulletEngine:
                 motion.contact[i] |= any(point[8] <= 0.0 for point in touching)
         for i in range(len(self._robots)):
             motion.pose[i], motion.twist[i] = self._read(i)
-            if np.isfinite(motion.pose[i]).all():
-                self.cast(i, ranges[i])
+        self.cast(np.flatnonzero(np.isfinite(motion.pose[:, 0])), ranges)
 
-    def cast(self, i: int, ranges: NDArray[np.float32]) -> None:
-        """Write the exact ranges of robot ``i``'s lidar [m]; see ``Engine``."""
+    def cast(self, indices: NDArray[np.int64], ranges: NDArray[np.float32]) -> None:
+        """Write the exact ranges of some robots' lidars [m]; see ``Engine``."""
+        for i in indices.tolist():
+            self._cast(i, ranges[i])
+
+    def _cast(self, i: int, ranges: NDArray[np.float32]) -> None:
         place, turn = self._base(i)
         origin = place + turn @ self._body.lidar
         tips = origin + self._range_max * (self._beams @ turn.T)

@@ -128,7 +128,9 @@ def test_flag_goes_over_the_stored_task() -> None:
     assert task_from_options(stored, task=None, **NOTHING) == stored
     on = task_from_options(stored, task=None, **NOTHING, randomization="on")
     assert on.randomization == default_randomization()
-    assert task_from_options(stored, task=None, **NOTHING, randomization="off").randomization is None
+    assert (
+        task_from_options(stored, task=None, **NOTHING, randomization="off").randomization is None
+    )
 
 
 def test_single_keys_can_be_set() -> None:
