@@ -62,6 +62,8 @@ class MujocoEngine:
         self._models: OrderedDict[int, Compiled] = OrderedDict()
         self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
         self._rollout = Rollout(nthread=self._threads)
+        # MuJoCo's own timers, which nobody reads here, take a tenth of a step.
+        mujoco.set_mjcb_time(None)
         self._data: dict[tuple[int, ...], list[Any]] = {}
         self._robots: list[Compiled | None] = [None] * num_envs
         self._groups: dict[tuple[int, ...], NDArray[np.int64]] = {}
