@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.geometry import points_in_polygon, rectangle
 from pm01_nav.robot import load_robot
+from pm01_nav.sim.lidar import BEAM_ERROR
 from pm01_nav.sim.reference import reference_clearance, reference_scan
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.worlds.pool import build_pool
@@ -112,8 +113,15 @@ def test_nothing_that_is_seen_is_missing(suite: str) -> None:
             poses, simulator.scan, simulator.state.clearance, strict=True
         ):
             slow = reference_scan(world, robot, pose)
-            # A beam in a thousand may graze a corner, or meet the range limit.
-            assert (~np.isclose(scan, slow, atol=2e-6, rtol=0)).sum() <= 1
+            off = np.flatnonzero(~np.isclose(scan, slow, atol=2e-6, rtol=0))
+            if len(off):
+                # Beams may be turned by BEAM_ERROR, which matters where they graze something.
+                right = reference_scan(world, robot, pose - np.array([0.0, 0.0, BEAM_ERROR]))
+                left = reference_scan(world, robot, pose + np.array([0.0, 0.0, BEAM_ERROR]))
+                near, far = np.minimum(right, left) - 2e-6, np.maximum(right, left) + 2e-6
+                off = off[~((scan[off] >= near[off]) & (scan[off] <= far[off]))]
+            # A beam in a thousand may meet a corner, or the range limit.
+            assert len(off) <= 1
             assert clearance == pytest.approx(reference_clearance(world, robot, pose), abs=1e-9)
 
 
