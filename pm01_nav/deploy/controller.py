@@ -83,6 +83,7 @@ class Controller:
         ``goal_radius`` [m].
         """
         self.policy = policy
+        self.robot = robot
         self.control_dt = control_dt
         self.goal_radius = goal_radius
         self.supervisor = SafetySupervisor(robot, control_dt, safety)
@@ -100,6 +101,11 @@ class Controller:
     def see_odometry(self, odometry: Odometry, now: float) -> None:
         """Take in odometry that arrived at ``now`` [s]."""
         self.supervisor.see_odometry(odometry, now)
+
+    def fitted(self) -> NDArray[np.float32]:
+        """Return the newest scan as the policy sees it, shape (num_beams,) [m]."""
+        assert self._scan is not None
+        return self._fitter.fit(self._scan)
 
     def set_goal(self, goal: Goal) -> None:
         """Head for another goal; the policy forgets the way so far."""
@@ -151,11 +157,10 @@ class Controller:
     def _ask(self, goal: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Return what the policy would do; None if it fails, whatever it fails of."""
         odometry = self.supervisor.odometry
-        assert self._scan is not None
         assert odometry is not None
         self.failure = None
         try:
-            return self.policy.act(self._fitter.fit(self._scan), goal, odometry.twist)
+            return self.policy.act(self.fitted(), goal, odometry.twist)
         except Exception as error:  # A policy is a stranger's file: no failure may stop the loop.
             self.failure = " ".join(str(error).split())[:200] or type(error).__name__
             return None

@@ -12,10 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.deploy.messages import Odometry, Scan
-from pm01_nav.robot import RobotSpec
+from pm01_nav.geometry import to_world
+from pm01_nav.robot import RobotSpec, load_robot
 from pm01_nav.sim.simulator import PlanarSimulator
-from pm01_nav.task.randomization import RandomizationConfig
-from pm01_nav.worlds.pool import WorldPool
+from pm01_nav.task.randomization import RandomizationConfig, load_randomization
+from pm01_nav.task.tasks import TASKS, task_config
+from pm01_nav.task.worlds import world_pool
+from pm01_nav.worlds.files import read_world
+from pm01_nav.worlds.pool import WorldPool, build_pool
+
+NUM_WORLDS = 32
+"""Of a suite; each reset draws one of them."""
+MARGIN = 0.1
+"""Starts and goals leave so much more room than the robot needs [m]."""
 
 
 class SimulatedRobot:
@@ -110,6 +119,47 @@ class SimulatedRobot:
         """The goal of the present episode, shape (2,) [m] in the world."""
         return self._simulator.state.goal[0].copy()
 
+    def odometry_frame(self) -> NDArray[np.float64]:
+        """Return where odometry's frame lies in the world, shape (3,): its drift so far."""
+        true, measured = self.pose, self.odometry().pose
+        turn = true[2] - measured[2]
+        origin = to_world(-measured[:2], np.array([0.0, 0.0, turn])) + true[:2]
+        return np.array([*origin, turn])
+
     def place(self, pose: NDArray[np.float64], goal: NDArray[np.float64]) -> None:
         """Put the robot at rest at ``pose`` (3,) with another ``goal`` (2,)."""
         self._simulator.place(np.array([0]), pose[None], goal[None])
+
+
+def simulated_robot(
+    world: str,
+    robot: str,
+    *,
+    seed: int,
+    dt: float,
+    scan_period: float = 0.1,
+    command_timeout: float = 0.2,
+    randomization: str = "off",
+) -> SimulatedRobot:
+    """Return ``robot`` (a name or a YAML file) in ``world``: a suite's name or a world's file.
+
+    ``randomization`` is as for ``load_randomization``, the rest as for ``SimulatedRobot``.
+
+    Raises:
+        InputError: there is no such world or robot, or no way leads through the world.
+    """
+    spec = load_robot(robot)
+    if world in TASKS:
+        task = task_config(world).model_copy(update={"robot": robot})
+        pool = world_pool(task, "held_out", NUM_WORLDS, 1)
+    else:
+        pool = build_pool([read_world(world)], spec.footprint.circumscribed_radius + MARGIN)
+    return SimulatedRobot(
+        spec,
+        pool,
+        seed=seed,
+        dt=dt,
+        scan_period=scan_period,
+        command_timeout=command_timeout,
+        randomization=load_randomization(randomization),
+    )

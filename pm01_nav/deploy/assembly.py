@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Put a controller together from the names that a person gives."""
+
+from __future__ import annotations
+
+from pm01_nav.deploy.controller import Controller
+from pm01_nav.deploy.safety import SafetyConfig
+from pm01_nav.errors import InputError
+from pm01_nav.policy import OnnxPolicy
+from pm01_nav.robot import load_robot
+
+GOAL_RADIUS = 0.3
+"""Where the policy's file does not say how near counts as there [m]."""
+
+
+def load_controller(
+    policy: str,
+    robot: str | None = None,
+    *,
+    goal_radius: float | None = None,
+    safety: SafetyConfig | None = None,
+) -> Controller:
+    """Return what drives ``robot`` (a name or a YAML file) by a policy's file.
+
+    Without a robot it is the one that the policy was trained with, which must then be one of ours.
+
+    Raises:
+        InputError: the policy cannot be used, or does not fit the robot.
+    """
+    if robot is None:
+        robot = str(OnnxPolicy(policy).metadata.get("robot"))
+    spec = load_robot(robot)
+    driver = OnnxPolicy(policy, spec)
+    task = driver.metadata.get("task")
+    trained_radius = task.get("goal_radius") if isinstance(task, dict) else None
+    radius = goal_radius or trained_radius or GOAL_RADIUS
+    if not 0.0 < radius < 100.0:
+        raise InputError(f"goal_radius = {radius}: must be above 0 m and below 100 m")
+    return Controller(
+        driver,
+        spec,
+        driver.layout.scan,
+        control_dt=driver.control_dt,
+        goal_radius=float(radius),
+        safety=safety or SafetyConfig(),
+    )
