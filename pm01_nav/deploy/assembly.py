@@ -19,10 +19,12 @@ def load_controller(
     *,
     goal_radius: float | None = None,
     safety: SafetyConfig | None = None,
+    same_clock: bool = False,
 ) -> Controller:
     """Return what drives ``robot`` (a name or a YAML file) by a policy's file.
 
     Without a robot it is the one that the policy was trained with, which must then be one of ours.
+    The rest is as for ``Controller``.
 
     Raises:
         InputError: the policy cannot be used, or does not fit the robot.
@@ -43,4 +45,5 @@ def load_controller(
         control_dt=driver.control_dt,
         goal_radius=float(radius),
         safety=safety or SafetyConfig(),
+        same_clock=same_clock,
     )

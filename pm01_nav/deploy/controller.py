@@ -76,17 +76,18 @@ class Controller:
         control_dt: float,
         goal_radius: float,
         safety: SafetyConfig,
+        same_clock: bool = False,
     ) -> None:
         """Let ``policy``, which sees scans of ``geometry``, drive ``robot``.
 
         ``control_dt`` [s] is the time between two calls of ``step``; a goal is reached within
-        ``goal_radius`` [m].
+        ``goal_radius`` [m]. ``same_clock`` is as for ``SafetySupervisor``.
         """
         self.policy = policy
         self.robot = robot
         self.control_dt = control_dt
         self.goal_radius = goal_radius
-        self.supervisor = SafetySupervisor(robot, control_dt, safety)
+        self.supervisor = SafetySupervisor(robot, control_dt, safety, same_clock=same_clock)
         self.goal: Goal | None = None
         self._fitter = ScanFitter(geometry)
         self._scan: Scan | None = None

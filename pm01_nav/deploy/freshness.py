@@ -28,9 +28,14 @@ class Arrival(Enum):
 class Stream:
     """The messages of one topic."""
 
-    def __init__(self, jump_s: float = 1.0) -> None:
-        """Take stamps that are off by more than ``jump_s`` [s] for a jump of the clock."""
+    def __init__(self, jump_s: float = 1.0, *, same_clock: bool = False) -> None:
+        """Take stamps that are off by more than ``jump_s`` [s] for a jump of the clock.
+
+        With ``same_clock``, as in simulated time, stamps and arrivals are of one clock: a stamp's
+        age needs no guess.
+        """
         self._jump_s = jump_s
+        self._same_clock = same_clock
         self._stamp = -math.inf
         self._arrived = -math.inf
         self._offset = 0.0
@@ -42,7 +47,7 @@ class Stream:
 
     def accept(self, stamp: float, now: float) -> Arrival:
         """Take in a message stamped ``stamp`` that arrived at ``now`` [s]."""
-        if not math.isfinite(stamp):
+        if not math.isfinite(stamp + now):
             return Arrival.OLD
         if not self.begun:
             self._begin(stamp, now)
@@ -55,12 +60,14 @@ class Stream:
         if stamp <= self._stamp:
             return Arrival.OLD
         drift = CLOCK_DRIFT * max(0.0, now - self._arrived)
-        self._offset = min(self._offset + drift, delay)
+        if not self._same_clock:
+            self._offset = min(self._offset + drift, delay)
         self._stamp, self._arrived = stamp, now
         return Arrival.NEW
 
     def _begin(self, stamp: float, now: float) -> None:
-        self._stamp, self._arrived, self._offset = stamp, now, now - stamp
+        self._stamp, self._arrived = stamp, now
+        self._offset = 0.0 if self._same_clock else now - stamp
 
     def age(self, now: float) -> float:
         """Return how old the newest message is at ``now`` [s]; infinite if there was none."""

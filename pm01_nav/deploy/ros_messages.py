@@ -6,6 +6,7 @@ All have ROS's field names, so one function serves. Nothing here imports ROS.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
@@ -49,12 +50,15 @@ def seconds(stamp: Any) -> float:
 
 
 def from_json(value: Any) -> Any:
-    """Return rosbridge's JSON with fields instead of keys; its null for a float is NaN.
+    """Return rosbridge's JSON with fields instead of keys.
 
-    rosbridge writes ranges of no return, which JSON has no number for, as null.
+    JSON has no number for what is not finite, and rosbridge writes null. In a list, as in a scan's
+    ranges, that is no return, as most lidars' drivers mean it; alone it is NaN.
     """
+    if value is None:
+        return math.nan
     if isinstance(value, Mapping):
         return SimpleNamespace(**{str(key): from_json(item) for key, item in value.items()})
     if isinstance(value, list):
-        return [float("nan") if item is None else from_json(item) for item in value]
+        return [math.inf if item is None else from_json(item) for item in value]
     return value

@@ -107,8 +107,18 @@ class SafetyConfig:
 class SafetySupervisor:
     """Tell a robot what is safe of what it is asked to do; one call of ``supervise`` a command."""
 
-    def __init__(self, robot: RobotSpec, control_dt: float, config: SafetyConfig) -> None:
-        """Guard ``robot``, which gets a command every ``control_dt`` [s]."""
+    def __init__(
+        self,
+        robot: RobotSpec,
+        control_dt: float,
+        config: SafetyConfig,
+        *,
+        same_clock: bool = False,
+    ) -> None:
+        """Guard ``robot``, which gets a command every ``control_dt`` [s].
+
+        ``same_clock``: stamps are of the clock that ``now`` is of, as in simulated time.
+        """
         self.config = config
         self.control_dt = control_dt
         self._limits = robot.limits
@@ -116,8 +126,8 @@ class SafetySupervisor:
         self._outline = Outline(robot.footprint)
         self._mount = np.array([robot.lidar.x, robot.lidar.y, robot.lidar.yaw])
         self._reaction = config.reaction_s + control_dt + robot.actuator.lag_s
-        self._scans = Stream(config.clock_jump_s)
-        self._odometries = Stream(config.clock_jump_s)
+        self._scans = Stream(config.clock_jump_s, same_clock=same_clock)
+        self._odometries = Stream(config.clock_jump_s, same_clock=same_clock)
         self._returns: NDArray[np.float64] | None = None
         self._scan_stamp = 0.0
         self._track = OdometryTrack(config.odometry_timeout_s)
@@ -201,12 +211,16 @@ class SafetySupervisor:
             (Reason.CLOCK_JUMP, self._jumped is Reason.CLOCK_JUMP),
             (Reason.ODOMETRY_JUMP, self._jumped is Reason.ODOMETRY_JUMP),
             (Reason.NO_SCAN, not self._scans.begun),
-            (Reason.STALE_SCAN, config.scan_timeout_s < self._scans.age(now) < math.inf),
+            (
+                Reason.STALE_SCAN,
+                self._scans.begun and not self._scans.age(now) <= config.scan_timeout_s,
+            ),
             (Reason.INVALID_SCAN, self._scans.begun and self._returns is None),
             (Reason.NO_ODOMETRY, not self._odometries.begun),
             (
                 Reason.STALE_ODOMETRY,
-                config.odometry_timeout_s < self._odometries.age(now) < math.inf,
+                self._odometries.begun
+                and not self._odometries.age(now) <= config.odometry_timeout_s,
             ),
             (Reason.INVALID_ODOMETRY, self._odometries.begun and not self._odometry_valid),
             (Reason.LOST_TRANSFORM, not transform_age <= config.transform_timeout_s),
@@ -306,7 +320,7 @@ class SafetySupervisor:
 
     def _follow_clock(self, now: float) -> None:
         """Notice that our own clock went back: all ages are then unknown."""
-        if now < self._now:
+        if not now >= self._now:
             self._jump(Reason.CLOCK_JUMP)
         self._now = now
 

@@ -50,3 +50,13 @@ def test_a_clock_that_drifts_by_100_ppm_for_an_hour_makes_nothing_stale():
         stream.accept(now * (1.0 - 1e-4), now)
     # Without allowing for drift the newest would look 0.36 s old.
     assert stream.age(3599.9) < 0.01
+
+
+def test_by_one_clock_a_message_is_as_old_as_its_stamp():
+    stream = Stream(same_clock=True)
+    assert stream.accept(10.0, 10.2) is Arrival.NEW
+    assert stream.age(10.3) == pytest.approx(0.3)
+    # A stamp of the near future is one that came before the clock's own message.
+    assert stream.accept(10.4, 10.35) is Arrival.NEW
+    assert stream.age(10.4) == pytest.approx(0.0)
+    assert stream.accept(12.0, 10.5) is Arrival.JUMP

@@ -124,6 +124,12 @@ def test_our_own_clock_going_back_is_a_jump(fresh):
     assert Reason.CLOCK_JUMP in fresh.supervise((0.1, 0.0), 9.9).reasons
 
 
+@pytest.mark.parametrize("now", [math.nan, -math.inf, math.inf])
+def test_a_clock_of_ours_that_is_no_time_stops(fresh, make_scan, now):
+    fresh.see_scan(make_scan(10.05), now)
+    assert fresh.supervise((0.1, 0.0), now).command == (0.0, 0.0)
+
+
 def test_emergency_stop_lost_transform_and_no_goal(fresh):
     assert fresh.supervise((0.1, 0.0), 10.0, goal=False).reasons == (Reason.NO_GOAL,)
     for age in (1.1, math.inf, math.nan):

@@ -81,6 +81,7 @@ class PolicyNode(LifecycleNode):
                 str(self._value("robot")) or None,
                 goal_radius=float(self._value("goal_radius")) or None,
                 safety=read_safety(self),
+                same_clock=bool(self._value("use_sim_time")),
             )
         except InputError as error:
             self.get_logger().error(f"not configured: {error}")
