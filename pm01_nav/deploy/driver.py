@@ -109,7 +109,7 @@ class Driver:
         controller, message = self.controller, event.message
         arrived = self._clock if self._sim_time else event.arrived
         if self._record is not None and message is not None:
-            self._record.event(event)
+            self._record.event(event.kind, message, arrived)
         if event.kind in ("scan", "odometry") and arrived == -math.inf:
             return
         if event.kind == "scan":

@@ -97,7 +97,8 @@ class PolicyNode(LifecycleNode):
         assert self.controller is not None
         self._timing = Timing(self.controller.control_dt)
         self._buffer = Buffer()
-        self._listener = TransformListener(self._buffer, self)
+        # A short queue: what waits in a long one is old by the time it is read.
+        self._listener = TransformListener(self._buffer, self, qos=QoSProfile(depth=10))
         subscribe, destroy = self.create_subscription, self._things.append
         destroy(subscribe(LaserScan, "scan", self._on_scan, qos_profile_sensor_data))
         destroy(subscribe(OdometryMessage, "odom", self._on_odometry, qos_profile_sensor_data))
