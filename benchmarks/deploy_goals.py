@@ -175,13 +175,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
     rclpy.init()
-    results = [
-        measure(way, arguments.policy, arguments.goals, arguments.factor) for way in arguments.ways
-    ]
-    rclpy.shutdown()
     command = f"python benchmarks/deploy_goals.py --policy POLICY --goals {arguments.goals}"
-    report = {"results": results} | provenance() | {"command": command}
-    arguments.out.write_text(json.dumps(report, indent=2) + "\n")
+    results = []
+    for way in arguments.ways:
+        results.append(measure(way, arguments.policy, arguments.goals, arguments.factor))
+        report = {"results": results} | provenance() | {"command": command}
+        arguments.out.write_text(json.dumps(report, indent=2) + "\n")
+    rclpy.shutdown()
 
 
 if __name__ == "__main__":

@@ -381,7 +381,7 @@ def _reachable(before: float, now: float, change: float) -> bool:
 def run_batch(job: tuple[int, int, str, bool]) -> dict[str, Any]:
     """Play sequences of the seeds [first, first + count)."""
     first, count, name, honest = job
-    robot = robot_with(name, 360 if honest else 90)
+    robot = robot_with(name, 360 if honest else 60)
     total, told, contacts, examples = Counter[str](), Counter[str](), 0, []
     for seed in range(first, first + count):
         sequence = Sequence(seed, robot, HONEST if honest else BROKEN)
@@ -426,16 +426,18 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
-    results = [
-        run(count, arguments.workers, robot, honest=honest)
-        for robot in ("pm01", "jackal")
-        for honest, count in ((False, arguments.sequences), (True, arguments.sequences // 5))
-    ]
-    for result in results:
-        print(json.dumps(result))
     command = f"python benchmarks/safety_fuzz.py --sequences {arguments.sequences}"
     origin = provenance() | {"command": command}
-    arguments.out.write_text(json.dumps({"results": results} | origin, indent=2) + "\n")
+    results = []
+    for robot, honest, count in (
+        ("pm01", True, arguments.sequences // 20),
+        ("jackal", True, arguments.sequences // 20),
+        ("pm01", False, arguments.sequences),
+        ("jackal", False, arguments.sequences // 5),
+    ):
+        results.append(run(count, arguments.workers, robot, honest=honest))
+        print(json.dumps(results[-1]), flush=True)
+        arguments.out.write_text(json.dumps({"results": results} | origin, indent=2) + "\n")
 
 
 if __name__ == "__main__":

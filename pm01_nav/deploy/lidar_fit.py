@@ -19,6 +19,8 @@ AT_REST = 2e-3
 """Odometry slower than this is rest [m/s, rad/s]."""
 SAME_SURFACE = 0.1
 """Ranges that differ by more than this from one scan to the next are of two surfaces [m]."""
+SURE_SHARE = 0.85
+"""Ranges up to this share of range_max are used."""
 MIN_SAMPLES = 500
 RESAMPLES = 200
 PAIR_S = 0.8
@@ -35,7 +37,9 @@ def fit_noise(rest: list[tuple[Scan, Scan, Scan]]) -> dict[str, Estimate]:
     if not rest:
         return {}
     before, now, after = (np.stack([triple[k].ranges for triple in rest]) for k in range(3))
-    both = np.isfinite(before) & np.isfinite(now)
+    # Near the end of its range a lidar loses returns to noise: that is no dropout.
+    longest = SURE_SHARE * rest[0][0].range_max
+    both = (before < longest) & (now < longest)
     both &= np.abs(np.where(both, now - before, 0.0)) < SAME_SURFACE
     if both.sum() < MIN_SAMPLES:
         return {}
@@ -47,7 +51,7 @@ def fit_noise(rest: list[tuple[Scan, Scan, Scan]]) -> dict[str, Estimate]:
     drawn = np.array([_noise(squares[d], ranges[d], both[d]) for d in draws])
     low, high = np.percentile(drawn, [2.5, 97.5], axis=0)
     std, share = _noise(squares, ranges, both)
-    sure = np.isfinite(before) & np.isfinite(after)
+    sure = (before < longest) & (after < longest)
     sure &= np.abs(np.where(sure, after - before, 0.0)) < SAME_SURFACE
     lost = int((sure & ~np.isfinite(now)).sum())
     return {

@@ -277,20 +277,27 @@ class SafetySupervisor:
         v, w = command
         # What the robot does now it goes on doing until it has taken the command up.
         moving = (float(newest.twist[0]), float(newest.twist[1]))
-        share, _ = self._share(points, moving, slow_down=False)
+        # A command is taken to need as much longer as odometry needed to come.
+        reaction = self._reaction + max(0.0, self._odometries.age(now))
+        share, _ = self._share(points, moving, reaction, slow_down=False)
         if share < 1.0:
             v, w = _not_faster(v, share * moving[0]), _not_faster(w, share * moving[1])
-        share, contact = self._share(points, (v, w))
+        share, contact = self._share(points, (v, w), reaction)
         if share >= LEAST_SHARE:
             slowed = share < 1.0 or (v, w) != command
             return Verdict((share * v, share * w), (Reason.SLOWED,) if slowed else (), contact)
         # No way ahead on this arc: it may still turn away on the spot.
-        share, _ = self._share(points, (0.0, w))
+        share, _ = self._share(points, (0.0, w), reaction)
         turn = share * w if share >= LEAST_SHARE else 0.0
         return Verdict((0.0, turn), (Reason.OBSTACLE,), contact)
 
     def _share(
-        self, points: NDArray[np.float64], twist: Command, *, slow_down: bool = True
+        self,
+        points: NDArray[np.float64],
+        twist: Command,
+        reaction: float,
+        *,
+        slow_down: bool = True,
     ) -> tuple[float, float]:
         """Return how much of a twist is safe, 0 to 1, and when all of it meets a point [s]."""
         config, limits = self.config, self._limits
@@ -298,11 +305,11 @@ class SafetySupervisor:
             abs(twist[0]) / limits.linear_acceleration, abs(twist[1]) / limits.angular_acceleration
         )
         least = config.time_to_collision_s if slow_down else 1e-9
-        horizon = max(least, self._reaction + 0.5 * braking)
+        horizon = max(least, reaction + 0.5 * braking)
         contact = time_to_contact(
             self._outline, points, twist, horizon, config.padding, config.obstacle_speed
         )
-        return allowed_share(contact, self._reaction, braking, least), contact
+        return allowed_share(contact, reaction, braking, least), contact
 
     def _is_plausible(self, odometry: Odometry) -> bool:
         numbers = np.concatenate([odometry.pose, odometry.twist])
