@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# pyright: reportMissingImports=false
 """Drive ``sim_node`` to goal after goal in three ways: rclpy, DDS, rosbridge.
 
     python benchmarks/deploy_goals.py --policy runs/demo/policy.onnx --goals 50 --out FILE.json

@@ -17,8 +17,8 @@ from pm01_nav.geometry import to_frame, wrap_angle
 FloatArray = NDArray[np.float64]
 AT_REST = 2e-3
 """Odometry slower than this is rest [m/s, rad/s]."""
-SAME_SURFACE = 0.1
-"""Ranges that differ by more than this from one scan to the next are of two surfaces [m]."""
+SAME_SURFACE = (0.1, 0.1)
+"""Ranges that differ by more than this [m] and this share of them are of two surfaces."""
 SURE_SHARE = 0.85
 """Ranges up to this share of range_max are used."""
 MIN_SAMPLES = 500
@@ -40,7 +40,7 @@ def fit_noise(rest: list[tuple[Scan, Scan, Scan]]) -> dict[str, Estimate]:
     # Near the end of its range a lidar loses returns to noise: that is no dropout.
     longest = SURE_SHARE * rest[0][0].range_max
     both = (before < longest) & (now < longest)
-    both &= np.abs(np.where(both, now - before, 0.0)) < SAME_SURFACE
+    both &= _same_surface(before, now)
     if both.sum() < MIN_SAMPLES:
         return {}
     # The difference of two independent errors has twice the variance.
@@ -52,13 +52,18 @@ def fit_noise(rest: list[tuple[Scan, Scan, Scan]]) -> dict[str, Estimate]:
     low, high = np.percentile(drawn, [2.5, 97.5], axis=0)
     std, share = _noise(squares, ranges, both)
     sure = (before < longest) & (after < longest)
-    sure &= np.abs(np.where(sure, after - before, 0.0)) < SAME_SURFACE
+    sure &= _same_surface(before, after)
     lost = int((sure & ~np.isfinite(now)).sum())
     return {
         "lidar_noise_std": Estimate(std, float(low[0]), float(high[0])),
         "lidar_noise_share": Estimate(share, float(low[1]), float(high[1])),
         "lidar_dropout": _proportion(lost, int(sure.sum())),
     }
+
+
+def _same_surface(first: FloatArray, second: FloatArray) -> NDArray[np.bool_]:
+    with np.errstate(invalid="ignore"):
+        return np.abs(second - first) < SAME_SURFACE[0] + SAME_SURFACE[1] * first
 
 
 def _noise(squares: FloatArray, ranges: FloatArray, used: NDArray[np.bool_]) -> tuple[float, float]:

@@ -58,7 +58,7 @@ def start(rclpy):
 
 @pytest.fixture(scope="session")
 def policy_file(tmp_path_factory):
-    """Return a policy with random weights: enough for whatever is not about driving well."""
+    """Return an untrained policy, which goes ahead at about 0.15 m/s whatever it sees."""
     config = task_config("static")
     robot = config.robot_spec()
     layout = observation_layout(config, robot)

@@ -50,7 +50,7 @@ def state_of(node) -> str:
 
 
 def moves(node) -> bool:
-    return bool(node.commands) and abs(node.commands[-1][1].angular.z) > 0.05
+    return bool(node.commands) and abs(node.commands[-1][1].linear.x) > 0.05
 
 
 def send_goal(rclpy, node, frame="odom", x=40.0, y=40.0):
@@ -108,7 +108,7 @@ def test_the_watchdog_stops_a_base_whose_driver_is_killed(start, watcher):
     publisher = watcher.create_publisher(Twist, "/cmd_vel_in", 1)
     assert watcher.wait_for(lambda: publisher.get_subscription_count() > 0)
     command = Twist()
-    command.angular.z = 0.5
+    command.linear.x = 0.5
 
     def told() -> bool:
         publisher.publish(command)
