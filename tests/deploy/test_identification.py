@@ -110,7 +110,9 @@ def test_scans_of_a_room_tell_how_the_robot_moved():
             0.5,
         ]
     )
-    found = match(to_frame(room, first), to_frame(room, second), moved + np.array([0.03, 0.03, -0.04]))
+    found = match(
+        to_frame(room, first), to_frame(room, second), moved + np.array([0.03, 0.03, -0.04])
+    )
     assert found == pytest.approx(moved, abs=2e-3)
 
 
