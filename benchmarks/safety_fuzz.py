@@ -17,6 +17,7 @@ import json
 import math
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -394,29 +395,34 @@ def run_batch(job: tuple[int, int, str, bool]) -> dict[str, Any]:
     return {"unsafe": total, "told": told, "contacts": contacts, "examples": examples[:5]}
 
 
-def run(sequences: int, workers: int, robot: str, *, honest: bool) -> dict[str, Any]:
-    """Play many sequences on all cores and add up."""
+def run(
+    sequences: int, workers: int, robot: str, write: Callable[[dict[str, Any]], None], *, honest: bool
+) -> None:
+    """Play many sequences on all cores, add up, and ``write`` after each batch."""
     step = 500
     jobs = [(k, min(step, sequences - k), robot, honest) for k in range(0, sequences, step)]
-    unsafe, told, contacts, examples = Counter[str](), Counter[str](), 0, []
+    unsafe, told, contacts, examples, done = Counter[str](), Counter[str](), 0, [], 0
     started = time.perf_counter()
     with ProcessPoolExecutor(workers) as pool:
-        for result in pool.map(run_batch, jobs):
+        for job, result in zip(jobs, pool.map(run_batch, jobs), strict=True):
+            done += job[1]
             unsafe.update(result["unsafe"])
             told.update(result["told"])
             contacts += result["contacts"]
             examples += result["examples"]
-    return {
-        "robot": robot,
-        "faults": "honest" if honest else "broken",
-        "sequences": sequences,
-        "commands": sequences * TICKS,
-        "unsafe_commands": dict(unsafe),
-        "sequences_with_contact_while_moving": contacts,
-        "first_bad_seeds": examples[:5],
-        "told": dict(told.most_common()),
-        "seconds": round(time.perf_counter() - started, 1),
-    }
+            write(
+                {
+                    "robot": robot,
+                    "faults": "honest" if honest else "broken",
+                    "sequences": done,
+                    "commands": done * TICKS,
+                    "unsafe_commands": dict(unsafe),
+                    "sequences_with_contact_while_moving": contacts,
+                    "first_bad_seeds": examples[:5],
+                    "told": dict(told.most_common()),
+                    "seconds": round(time.perf_counter() - started, 1),
+                }
+            )
 
 
 def main() -> None:
@@ -428,16 +434,24 @@ def main() -> None:
     arguments = parser.parse_args()
     command = f"python benchmarks/safety_fuzz.py --sequences {arguments.sequences}"
     origin = provenance() | {"command": command}
-    results = []
+    finished: list[dict[str, Any]] = []
+    present: dict[str, Any] = {}
+
+    def write(result: dict[str, Any]) -> None:
+        present.clear()
+        present.update(result)
+        report = {"results": [*finished, result]} | origin
+        arguments.out.write_text(json.dumps(report, indent=2) + "\n")
+
     for robot, honest, count in (
-        ("pm01", True, arguments.sequences // 20),
-        ("jackal", True, arguments.sequences // 20),
         ("pm01", False, arguments.sequences),
         ("jackal", False, arguments.sequences // 5),
+        ("pm01", True, arguments.sequences // 20),
+        ("jackal", True, arguments.sequences // 20),
     ):
-        results.append(run(count, arguments.workers, robot, honest=honest))
-        print(json.dumps(results[-1]), flush=True)
-        arguments.out.write_text(json.dumps({"results": results} | origin, indent=2) + "\n")
+        run(count, arguments.workers, robot, write, honest=honest)
+        finished.append(dict(present))
+        print(json.dumps(present), flush=True)
 
 
 if __name__ == "__main__":

@@ -101,7 +101,8 @@ class DdsLink:
             "goal": (topics.goal, types.PoseStamped),
             "emergency_stop": (topics.emergency_stop, types.Bool),
         }
-        self._waiting, self._readers = WaitSet(participant), {}
+        self._waiting: Any = WaitSet(participant)
+        self._readers: dict[str, Any] = {}
         for kind, (name, message) in kinds.items():
             reader = DataReader(participant, Topic(participant, f"rt/{name}", message), qos=latest)
             self._waiting.attach(ReadCondition(reader, any_state()))
@@ -136,7 +137,8 @@ class DdsLink:
         if self._thread is not None:
             self._thread.join()
         self._writer = None
-        self._readers, self._waiting, self._participant, self._entity = {}, None, None, None
+        self._readers.clear()
+        self._waiting = self._participant = self._entity = None
 
 
 def best_effort() -> Any:

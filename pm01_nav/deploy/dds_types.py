@@ -4,6 +4,7 @@
 Field by field as in ``common_interfaces``; the type's name is what lets ROS 2's readers match.
 """
 
+# pyright: reportAssignmentType=false
 # No postponed annotations here: cyclonedds reads the types at run time.
 from dataclasses import dataclass, field
 

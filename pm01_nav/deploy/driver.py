@@ -107,8 +107,12 @@ class Driver:
 
     def _handle(self, event: Event) -> None:
         controller, message = self.controller, event.message
+        if event.kind == "lost":
+            # What was measured before the connection was lost says nothing of what comes after.
+            controller.cancel()
+            return
         arrived = self._clock if self._sim_time else event.arrived
-        if self._record is not None and message is not None:
+        if self._record is not None:
             self._record.event(event.kind, message, arrived)
         if event.kind in ("scan", "odometry") and arrived == -math.inf:
             return
@@ -122,9 +126,6 @@ class Driver:
             self._take_goal(message)
         elif event.kind == "emergency_stop":
             controller.set_emergency(bool(message.data))
-        elif event.kind == "lost":
-            # What was measured before the connection was lost says nothing of what comes after.
-            controller.cancel()
 
     def _take_goal(self, message: Any) -> None:
         """Take a goal that is given in the odometry frame; there is no tf here for others."""

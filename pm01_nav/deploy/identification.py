@@ -85,7 +85,6 @@ def identified_ranges(
     ranges["actuator_lag"] = _interval(estimates["actuator_lag"])
     delay = estimates["command_delay_s"]
     steps = [round(value / control_dt) for value in (max(delay.low, 0.0), max(delay.high, 0.0))]
-    ranges["command_delay"] = tuple(min(step, MAX_COMMAND_DELAY) for step in steps)
     if "linear_acceleration" in estimates:
         known, nominal = estimates["linear_acceleration"], robot.limits.linear_acceleration
         ranges["acceleration_factor"] = (known.low / nominal, known.high / nominal)
@@ -94,8 +93,10 @@ def identified_ranges(
             ranges[name] = _interval(estimates[name])
     if "travel_scale" in estimates:
         ranges["odometry_scale"] = (1.0 / travel.high, 1.0 / travel.low)
-    data = {name: [_rounded(low), _rounded(high)] for name, (low, high) in ranges.items()}
-    data["command_delay"] = list(ranges["command_delay"])
+    data: dict[str, Any] = {
+        name: [_rounded(low), _rounded(high)] for name, (low, high) in ranges.items()
+    }
+    data["command_delay"] = [min(step, MAX_COMMAND_DELAY) for step in steps]
     # Checked before it is written: a training must be able to read it.
     RandomizationConfig.model_validate(data)
     return data

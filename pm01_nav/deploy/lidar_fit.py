@@ -36,7 +36,9 @@ def fit_noise(rest: list[tuple[Scan, Scan, Scan]]) -> dict[str, Estimate]:
     """
     if not rest:
         return {}
-    before, now, after = (np.stack([triple[k].ranges for triple in rest]) for k in range(3))
+    before, now, after = (
+        np.stack([triple[k].ranges for triple in rest]).astype(np.float64) for k in range(3)
+    )
     # Near the end of its range a lidar loses returns to noise: that is no dropout.
     longest = SURE_SHARE * rest[0][0].range_max
     both = (before < longest) & (now < longest)

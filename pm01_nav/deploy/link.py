@@ -35,7 +35,7 @@ class Event(NamedTuple):
     kind: str
     """scan, odometry, goal, emergency_stop, clock or lost."""
     message: Any
-    """As ``ros_messages`` reads it; None for lost."""
+    """As ``ros_messages`` reads it; None for lost alone."""
     arrived: float
     """By the monotonic clock [s]."""
 

@@ -45,7 +45,7 @@ class RosbridgeLink:
         import roslibpy
 
         self._ros = ros = roslibpy.Ros(self.url, transport="twisted")
-        factory = ros.factory
+        factory: Any = ros.factory
         factory.initialDelay = factory.delay = FIRST_PAUSE_S
         factory.maxDelay = LONGEST_PAUSE_S
         factory.setProtocolOptions(autoPingInterval=PING_S, autoPingTimeout=PING_S)

@@ -23,18 +23,19 @@ def match(before: FloatArray, after: FloatArray, guess: FloatArray) -> FloatArra
     ``before`` (n, 2) and ``after`` (m, 2) are returns in base_link [m], in the order of the beams.
     None where the two have too little in common, or nothing that tells along from across.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     normals, flat = _normals(before)
     if flat.sum() < MIN_POINTS:
         return None
     before, normals = before[flat], normals[flat]
-    tree = cKDTree(before)
+    tree = KDTree(before)
     pose = guess.astype(np.float64)
     for _ in range(ITERATIONS):
         moved = to_world(after, pose)
-        distance, closest = tree.query(moved)
-        near = distance < REACH
+        distance, found = tree.query(moved)
+        closest = np.asarray(found)
+        near = np.asarray(distance) < REACH
         if near.sum() < MIN_POINTS:
             return None
         # Half of the pairs fit worse than the median: what moves, and the edges of surfaces.
@@ -59,7 +60,7 @@ def _step(
     information = jacobian.T @ jacobian
     if np.linalg.eigvalsh(information)[0] < 1.0:
         return None
-    return -np.linalg.solve(information, jacobian.T @ error)
+    return -np.linalg.solve(information, jacobian.T @ error).astype(np.float64)
 
 
 def _normals(points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -69,4 +70,4 @@ def _normals(points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     steps = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
     flat = (steps < GAP) & (np.roll(steps, 1) < GAP) & (length > 1e-6)
     normals = np.stack([-along[:, 1], along[:, 0]], axis=-1) / np.maximum(length, 1e-9)[:, None]
-    return normals, flat
+    return normals.astype(np.float64), flat
