@@ -396,7 +396,12 @@ def run_batch(job: tuple[int, int, str, bool]) -> dict[str, Any]:
 
 
 def run(
-    sequences: int, workers: int, robot: str, write: Callable[[dict[str, Any]], None], *, honest: bool
+    sequences: int,
+    workers: int,
+    robot: str,
+    write: Callable[[dict[str, Any]], None],
+    *,
+    honest: bool,
 ) -> None:
     """Play many sequences on all cores, add up, and ``write`` after each batch."""
     step = 500

@@ -101,8 +101,6 @@ class Driver:
         event = self._inbox.get(wait)
         while event is not None:
             self._handle(event)
-            if self._sim_time and self._clock >= due:
-                return
             event = self._inbox.get(0.0)
 
     def _handle(self, event: Event) -> None:

@@ -46,8 +46,8 @@ def fit_noise(rest: list[tuple[Scan, Scan, Scan]]) -> dict[str, Estimate]:
     if both.sum() < MIN_SAMPLES:
         return {}
     # The difference of two independent errors has twice the variance.
-    squares = np.where(both, (now - before) ** 2 / 2.0, 0.0)
-    ranges = np.where(both, 0.5 * (now + before), 0.0)
+    before_used, now_used = np.where(both, before, 0.0), np.where(both, now, 0.0)
+    squares, ranges = (now_used - before_used) ** 2 / 2.0, 0.5 * (now_used + before_used)
     rng = np.random.default_rng(0)
     draws = [rng.integers(0, len(rest), len(rest)) for _ in range(RESAMPLES)]
     drawn = np.array([_noise(squares[d], ranges[d], both[d]) for d in draws])
