@@ -121,7 +121,7 @@ def start(*command: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
 
 
-def drivers(way: str, policy: str) -> list[subprocess.Popen[bytes]]:
+def drivers(way: str, policy: str, factor: float) -> list[subprocess.Popen[bytes]]:
     """Start what drives the robot."""
     drive = (sys.executable, "-c", "from pm01_nav.cli import main; main()", "drive", policy)
     if way == "rclpy":
@@ -132,7 +132,9 @@ def drivers(way: str, policy: str) -> list[subprocess.Popen[bytes]]:
     bridge = ("-p", "address:=127.0.0.1", "-p", f"port:={PORT}")
     server = start("ros2", "run", "rosbridge_server", "rosbridge_websocket", "--ros-args", *bridge)
     time.sleep(5.0)
-    return [server, start(*drive, "--rosbridge", f"ws://127.0.0.1:{PORT}", "--sim-time")]
+    # At real time as with a robot: by our own clock, which shows how late the bridge is.
+    by = ("--sim-time",) if factor != 1.0 else ()
+    return [server, start(*drive, "--rosbridge", f"ws://127.0.0.1:{PORT}", *by)]
 
 
 def measure(way: str, policy: str, goals: int, factor: float) -> dict[str, Any]:
@@ -143,7 +145,7 @@ def measure(way: str, policy: str, goals: int, factor: float) -> dict[str, Any]:
     judge = Judge()
     try:
         judge.reset.wait_for_service(60.0)
-        processes += drivers(way, policy)
+        processes += drivers(way, policy, factor)
         time.sleep(10.0)
         episodes = []
         for _ in range(goals):
