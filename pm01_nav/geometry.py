@@ -40,10 +40,10 @@ def to_world(points: NDArray[np.floating], pose: NDArray[np.floating]) -> Array:
     return np.stack([x, y], axis=-1)
 
 
-def after_twist(pose: Array, twist: Array, dt: float) -> Array:
+def after_twist(pose: Array, twist: Array, dt: float | Array) -> Array:
     """Return poses (..., 3) [m, m, rad] after ``dt`` [s] on an arc of constant twist.
 
-    ``twist`` (..., 2): v and w in the frame of the pose [m/s, rad/s].
+    ``twist`` (..., 2): v and w in the frame of the pose [m/s, rad/s]; ``dt`` broadcasts with them.
     """
     turn = twist[..., 1] * dt
     chord = twist[..., 0] * dt * np.sinc(0.5 * turn / np.pi)

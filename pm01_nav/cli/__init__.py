@@ -32,6 +32,9 @@ COMMANDS = (
     "replay",
     "worlds",
     "robots",
+    "drive",
+    "record",
+    "identify",
     "doctor",
 )
 

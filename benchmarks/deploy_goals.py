@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+# pyright: reportMissingImports=false
+"""Drive ``sim_node`` to goal after goal in three ways: rclpy, DDS, rosbridge.
+
+    python benchmarks/deploy_goals.py --policy runs/demo/policy.onnx --goals 50 --out FILE.json
+
+It needs ROS 2 with pm01_rl, nav2_msgs and rosbridge_server. Each goal is one episode of the suite
+``static``: another world, start and goal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from nav2_msgs.action import NavigateToPose
+from nav_msgs.msg import Odometry
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import UInt32
+from std_srvs.srv import Trigger
+
+from pm01_nav.provenance import provenance
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+PORT = 9187
+TIME_LIMIT_S = 60.0
+"""Simulated time for one goal."""
+
+
+class Judge(Node):
+    """Resets the simulated robot, sends goals, and watches."""
+
+    def __init__(self) -> None:
+        """Listen to the simulated robot."""
+        super().__init__("judge")
+        self.goal: PoseStamped | None = None
+        self.collisions = 0
+        self.time = 0.0
+        self.place = np.zeros(2)
+        self.speed = 0.0
+        self.create_subscription(PoseStamped, "/sim_node/goal", self._on_goal, LATCHED)
+        self.create_subscription(UInt32, "/sim_node/collisions", self._on_collision, LATCHED)
+        self.create_subscription(Odometry, "/odom", self._on_odometry, 10)
+        self.reset = self.create_client(Trigger, "/sim_node/reset")
+        self.goals = self.create_publisher(PoseStamped, "/goal_pose", 1)
+        self.action = ActionClient(self, NavigateToPose, "/navigate_to_pose")
+
+    def _on_goal(self, message: PoseStamped) -> None:
+        self.goal = message
+
+    def _on_collision(self, message: UInt32) -> None:
+        self.collisions = message.data
+
+    def _on_odometry(self, message: Odometry) -> None:
+        stamp, place = message.header.stamp, message.pose.pose.position
+        self.time = stamp.sec + 1e-9 * stamp.nanosec
+        self.place = np.array([place.x, place.y])
+        self.speed = abs(message.twist.twist.linear.x) + abs(message.twist.twist.angular.z)
+
+    def spin(self, seconds: float) -> None:
+        """Handle messages for so long of simulated time."""
+        until, patience = self.time + seconds, time.monotonic() + 60.0
+        while self.time < until and time.monotonic() < patience:
+            rclpy.spin_once(self, timeout_sec=0.1)
+
+    def wait(self, future: Any) -> Any:
+        """Return what a future brings."""
+        rclpy.spin_until_future_complete(self, future, timeout_sec=120.0)
+        return future.result()
+
+    def new_episode(self) -> None:
+        """Put the robot into another world and take its goal."""
+        self.goal = None
+        self.wait(self.reset.call_async(Trigger.Request()))
+        while self.goal is None:
+            rclpy.spin_once(self, timeout_sec=0.1)
+        self.spin(1.0)
+
+    def drive(self, by_action: bool) -> dict[str, Any]:
+        """Send the goal and watch until the robot stands there, or time is up."""
+        assert self.goal is not None
+        started, before = self.time, self.collisions
+        target = self.goal.pose.position
+        handle = None
+        if by_action:
+            handle = self.wait(self.action.send_goal_async(NavigateToPose.Goal(pose=self.goal)))
+        else:
+            self.goals.publish(self.goal)
+        distance = np.inf
+        while self.time - started < TIME_LIMIT_S:
+            rclpy.spin_once(self, timeout_sec=0.1)
+            distance = float(np.hypot(*(self.place - [target.x, target.y])))
+            if distance < 0.4 and self.speed < 0.02:
+                break
+        result = {
+            "reached": distance < 0.4,
+            "seconds": round(self.time - started, 2),
+            "collisions": self.collisions - before,
+        }
+        if handle is not None:
+            if not result["reached"]:
+                self.wait(handle.cancel_goal_async())
+            result["action_status"] = self.wait(handle.get_result_async()).status
+        return result
+
+
+def start(*command: str) -> subprocess.Popen[bytes]:
+    """Start a process in a group of its own."""
+    return subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
+
+
+def drivers(way: str, policy: str, factor: float) -> list[subprocess.Popen[bytes]]:
+    """Start what drives the robot."""
+    drive = (sys.executable, "-c", "from pm01_nav.cli import main; main()", "drive", policy)
+    if way == "rclpy":
+        given = ("-p", f"policy:={policy}", "-p", "use_sim_time:=true", "-p", "autostart:=true")
+        return [start("ros2", "run", "pm01_rl", "policy_node", "--ros-args", *given)]
+    if way == "dds":
+        return [start(*drive, "--dds", "--sim-time")]
+    bridge = ("-p", "address:=127.0.0.1", "-p", f"port:={PORT}")
+    server = start("ros2", "run", "rosbridge_server", "rosbridge_websocket", "--ros-args", *bridge)
+    time.sleep(5.0)
+    # At real time as with a robot: by our own clock, which shows how late the bridge is.
+    by = ("--sim-time",) if factor != 1.0 else ()
+    return [server, start(*drive, "--rosbridge", f"ws://127.0.0.1:{PORT}", *by)]
+
+
+def measure(way: str, policy: str, goals: int, factor: float) -> dict[str, Any]:
+    """Drive to so many goals in one way."""
+    # Odometry at 20 Hz of simulated time, so that several times real time stays a modest rate.
+    given = ("-p", f"real_time_factor:={factor}", "-p", "step:=0.05", "-p", "seed:=7")
+    processes = [start("ros2", "run", "pm01_rl", "sim_node", "--ros-args", *given)]
+    judge = Judge()
+    try:
+        judge.reset.wait_for_service(60.0)
+        processes += drivers(way, policy, factor)
+        time.sleep(10.0)
+        episodes = []
+        for _ in range(goals):
+            judge.new_episode()
+            episodes.append(judge.drive(way == "rclpy"))
+            print(way, len(episodes), episodes[-1], flush=True)
+    finally:
+        judge.destroy_node()
+        for process in processes:
+            os.killpg(process.pid, signal.SIGKILL)
+    reached = [e["seconds"] for e in episodes if e["reached"]]
+    return {
+        "way": way,
+        "goals": goals,
+        "reached": len(reached),
+        "collisions": sum(e["collisions"] for e in episodes),
+        "median_seconds": float(np.median(reached)) if reached else None,
+        "real_time_factor": factor,
+        "episodes": episodes,
+    }
+
+
+def main() -> None:
+    """Measure all ways, or those named."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--policy", required=True)
+    parser.add_argument("--goals", type=int, default=50)
+    parser.add_argument("--factor", type=float, default=4.0)
+    parser.add_argument("--ways", nargs="+", default=["rclpy", "dds", "rosbridge"])
+    parser.add_argument("--out", type=Path, required=True)
+    arguments = parser.parse_args()
+    rclpy.init()
+    command = f"python benchmarks/deploy_goals.py --policy POLICY --goals {arguments.goals}"
+    results = []
+    for way in arguments.ways:
+        results.append(measure(way, arguments.policy, arguments.goals, arguments.factor))
+        report = {"results": results} | provenance() | {"command": command}
+        arguments.out.write_text(json.dumps(report, indent=2) + "\n")
+    rclpy.shutdown()
+
+
+if __name__ == "__main__":
+    main()

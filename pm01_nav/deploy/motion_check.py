@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a motion would lead among the returns of a raw scan, and how fast it may be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pm01_nav.deploy.messages import Scan
+from pm01_nav.deploy.outline import Outline
+from pm01_nav.geometry import after_twist, to_frame, to_world
+
+FloatArray = NDArray[np.float64]
+STEP = 0.01
+"""So far the outline moves between two looks [m]..."""
+MAX_LOOKS = 64
+"""... unless there were more looks than this: a fast robot takes longer steps, and more room."""
+NEARER = 1e-5
+"""A point that already is too close may come so much closer unnoticed [m]."""
+
+
+def returns_as_points(scan: Scan, mount: FloatArray) -> FloatArray:
+    """Return where a raw scan met something, in base_link, shape (n, 2) [m].
+
+    ``mount`` (3,) is the lidar's pose in base_link [m, m, rad]. What is too close (-inf) lies at
+    range_min; what is invalid (NaN, out of range) says nothing.
+    """
+    ranges = np.asarray(scan.ranges, dtype=np.float32)
+    # In float32, as the driver wrote it: its range_min must not fall below our float64 one.
+    met = (ranges >= np.float32(scan.range_min)) & (ranges <= np.float32(scan.range_max))
+    too_close = ranges == -np.inf
+    shown = np.flatnonzero(met | too_close)
+    distance = np.where(too_close[shown], scan.range_min, ranges[shown]).astype(np.float64)
+    angle = scan.angle_min + scan.angle_increment * shown
+    points = np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=-1)
+    return to_world(points, mount)
+
+
+def time_to_contact(
+    outline: Outline,
+    points: FloatArray,
+    twist: tuple[float, float],
+    horizon: float,
+    padding: float = 0.0,
+    obstacle_speed: float = 0.0,
+) -> float:
+    """Return when the outline may first touch a point on the arc of ``twist`` [s]; inf if never.
+
+    ``points`` (n, 2) in base_link [m], ``twist`` v and w [m/s, rad/s], ``horizon`` [s] is how far
+    it looks. The outline is ``padding`` [m] larger to every side, and points may come nearer at
+    ``obstacle_speed`` [m/s]. A point that is inside from the start counts where it comes nearer.
+    The answer may be early, by the time of two looks; it is never late.
+    """
+    v, w = twist
+    speed = abs(v) + abs(w) * outline.turning_radius
+    steps = min(math.ceil(speed * horizon / STEP), MAX_LOOKS)
+    if steps == 0:
+        return math.inf
+    # Between two looks the outline may come nearer by half of what it moves.
+    between = 0.5 * speed * horizon / steps
+    reach = outline.radius + padding + between + (abs(v) + obstacle_speed) * horizon
+    points = points[np.hypot(points[:, 0], points[:, 1]) <= reach]
+    if len(points) == 0:
+        return math.inf
+    times = np.linspace(0.0, horizon, steps + 1)
+    poses = after_twist(np.zeros((steps + 1, 3)), np.array([[v, w]]), times)
+    clearance = outline.clearance(to_frame(points, poses[:, None])) - padding
+    free = clearance - obstacle_speed * times[:, None] - between
+    start = clearance[0]
+    hit = np.where(start <= 0.0, clearance < start - NEARER, free <= 0.0)[1:].any(axis=1)
+    return float(times[hit.argmax()]) if hit.any() else math.inf
+
+
+def allowed_share(
+    contact: float, reaction: float, braking: float, time_to_collision: float
+) -> float:
+    """Return how much of a twist is safe, 0 to 1, if the whole of it leads to ``contact`` [s].
+
+    At the share s the robot needs s ``reaction`` + s^2 ``braking`` / 2 of the way's time [s] to
+    stop, where ``braking`` [s] is how long it brakes from the whole twist; and ``contact`` / s is
+    its time to collision, which is kept at ``time_to_collision`` [s] or more.
+    """
+    if math.isinf(contact):
+        return 1.0
+    if braking > 0.0:
+        stopping = (math.sqrt(reaction**2 + 2.0 * braking * contact) - reaction) / braking
+    else:
+        stopping = contact / reaction
+    return min(1.0, stopping, contact / time_to_collision)

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS messages as ours, wherever they come from: rclpy's classes, DDS's, or rosbridge's JSON.
+
+All have ROS's field names, so one function serves. Nothing here imports ROS.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from pm01_nav.deploy.messages import Odometry, Scan, yaw_of_quaternion
+
+
+def scan_from_ros(message: Any) -> Scan:
+    """Return a ``sensor_msgs/LaserScan`` as ours."""
+    return Scan(
+        stamp=seconds(message.header.stamp),
+        angle_min=float(message.angle_min),
+        angle_increment=float(message.angle_increment),
+        range_min=float(message.range_min),
+        range_max=float(message.range_max),
+        ranges=np.asarray(message.ranges, dtype=np.float32),
+    )
+
+
+def odometry_from_ros(message: Any) -> Odometry:
+    """Return a ``nav_msgs/Odometry`` as ours."""
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    twist = message.twist.twist
+    yaw = yaw_of_quaternion(turn.x, turn.y, turn.z, turn.w)
+    return Odometry(
+        stamp=seconds(message.header.stamp),
+        pose=np.array([place.x, place.y, yaw], dtype=np.float64),
+        twist=np.array([twist.linear.x, twist.angular.z], dtype=np.float64),
+    )
+
+
+def seconds(stamp: Any) -> float:
+    """Return a ``builtin_interfaces/Time`` in seconds."""
+    nanoseconds = getattr(stamp, "nanosec", None)
+    # rosbridge for ROS 1 says secs and nsecs.
+    if nanoseconds is None:
+        return float(stamp.secs) + 1e-9 * float(stamp.nsecs)
+    return float(stamp.sec) + 1e-9 * float(nanoseconds)
+
+
+def from_json(value: Any) -> Any:
+    """Return rosbridge's JSON with fields instead of keys.
+
+    JSON has no number for what is not finite, and rosbridge writes null. In a list, as in a scan's
+    ranges, that is no return, as most lidars' drivers mean it; alone it is NaN.
+    """
+    if value is None:
+        return math.nan
+    if isinstance(value, Mapping):
+        return SimpleNamespace(**{str(key): from_json(item) for key, item in value.items()})
+    if isinstance(value, list):
+        return [math.inf if item is None else from_json(item) for item in value]
+    return value

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drive through rosbridge, from a machine with no ROS: PyPI's ``roslibpy`` is all it takes."""
+
+from __future__ import annotations
+
+from typing import Any
+from urllib.parse import urlsplit
+
+from pm01_nav.deploy.link import Inbox, Topics
+from pm01_nav.deploy.ros_messages import from_json
+from pm01_nav.deploy.safety import Command
+from pm01_nav.errors import InputError
+
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.2, 5.0
+"""Between two tries to reconnect; each pause is about 2.7 times the last."""
+PING_S = 1.0
+"""A server that leaves a ping unanswered for this long is gone, even if nothing said so."""
+
+
+class RosbridgeLink:
+    """A robot's topics over a websocket to rosbridge."""
+
+    def __init__(self, url: str, topics: Topics) -> None:
+        """Prepare to connect to ``url``, such as ws://127.0.0.1:9090.
+
+        Raises:
+            InputError: roslibpy is missing, or that is no address of a websocket.
+        """
+        try:
+            import roslibpy  # noqa: F401
+        except ImportError as error:
+            raise InputError("roslibpy is missing: pip install 'pm01-nav[rosbridge]'") from error
+        parts = urlsplit(url)
+        if parts.scheme not in ("ws", "wss") or not parts.hostname:
+            raise InputError(f"rosbridge = {url!r}: must look like ws://127.0.0.1:9090")
+        self.url = url
+        self.topics = topics
+        self.losses = 0
+        """How often the connection was lost."""
+        self._ros: Any = None
+        self._commands: Any = None
+
+    def open(self, inbox: Inbox) -> None:
+        """Begin to connect, and go on until it works, now and after every loss."""
+        import roslibpy
+
+        self._ros = ros = roslibpy.Ros(self.url, transport="twisted")
+        factory: Any = ros.factory
+        factory.initialDelay = factory.delay = FIRST_PAUSE_S
+        factory.maxDelay = LONGEST_PAUSE_S
+        factory.setProtocolOptions(autoPingInterval=PING_S, autoPingTimeout=PING_S)
+        ros.on("close", lambda _: self._lost(inbox))
+        topics = self.topics
+        for kind, name, message in (
+            ("clock", topics.clock, "rosgraph_msgs/Clock"),
+            ("scan", topics.scan, "sensor_msgs/LaserScan"),
+            ("odometry", topics.odometry, "nav_msgs/Odometry"),
+            ("goal", topics.goal, "geometry_msgs/PoseStamped"),
+            ("emergency_stop", topics.emergency_stop, "std_msgs/Bool"),
+        ):
+            topic = roslibpy.Topic(ros, f"/{name}", message, queue_length=1)
+            topic.subscribe(_putter(inbox, kind))
+        kind = "geometry_msgs/TwistStamped" if topics.stamped else "geometry_msgs/Twist"
+        self._commands = roslibpy.Topic(ros, f"/{topics.command}", kind, queue_size=1)
+        self._commands.advertise()
+        factory.manager.run()
+
+    def _lost(self, inbox: Inbox) -> None:
+        self.losses += 1
+        inbox.put("lost", None)
+
+    def tell(self, command: Command) -> None:
+        """Send a command, unless there is no connection: kept ones would come much too late."""
+        if self._ros is None or not self._ros.is_connected:
+            return
+        twist = {
+            "linear": {"x": command[0], "y": 0.0, "z": 0.0},
+            "angular": {"x": 0.0, "y": 0.0, "z": command[1]},
+        }
+        if self.topics.stamped:
+            header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "base_link"}
+            twist = {"header": header, "twist": twist}
+        self._commands.publish(twist)
+
+    def close(self) -> None:
+        """Disconnect for good."""
+        if self._ros is None:
+            return
+        self._ros.factory.stopTrying()
+        self._ros.close()
+        self._ros = None
+
+
+def _putter(inbox: Inbox, kind: str) -> Any:
+    return lambda message: inbox.put(kind, from_json(message))

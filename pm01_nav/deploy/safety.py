@@ -1,0 +1,358 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stand between a policy and the motors: whatever the policy says, the robot is told what is safe.
+
+It knows nothing of the policy. It sees the raw scan, the odometry and the command that is asked
+for, and passes on that command, a slower one, or a stop.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from enum import Enum
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pm01_nav.deploy.freshness import Arrival, Stream
+from pm01_nav.deploy.messages import Odometry, Scan
+from pm01_nav.deploy.motion_check import allowed_share, returns_as_points, time_to_contact
+from pm01_nav.deploy.odometry_track import OdometryTrack
+from pm01_nav.deploy.outline import Outline
+from pm01_nav.errors import InputError
+from pm01_nav.geometry import to_frame, to_world
+
+if TYPE_CHECKING:
+    from pm01_nav.robot import RobotSpec
+
+Command = tuple[float, float]
+"""v and w [m/s, rad/s]."""
+STOP: Command = (0.0, 0.0)
+LEAST_SHARE = 0.05
+"""Instead of less than this share of a command the robot stands."""
+ODOMETRY_SLACK = 0.3
+"""Odometry may move by so much more than the robot can without having jumped [m]."""
+IMPLAUSIBLE = 3.0
+"""Odometry that says the robot is faster than this many times its limits is wrong."""
+
+
+class Reason(Enum):
+    """Why the robot is not told what the policy says."""
+
+    EMERGENCY_STOP = "emergency stop"
+    CLOCK_JUMP = "a clock jumped"
+    ODOMETRY_JUMP = "odometry jumped"
+    NO_SCAN = "no scan yet"
+    STALE_SCAN = "the scan is too old"
+    INVALID_SCAN = "the scan is unusable"
+    NO_ODOMETRY = "no odometry yet"
+    STALE_ODOMETRY = "odometry is too old"
+    INVALID_ODOMETRY = "odometry is not finite, or faster than the robot can be"
+    LOST_TRANSFORM = "the transform to the goal's frame is missing or too old"
+    NO_GOAL = "no goal"
+    POLICY_FAILED = "the policy gave no usable command"
+    OBSTACLE = "an obstacle is too close"
+    SLOWED = "slower: an obstacle is near"
+
+
+class Verdict(NamedTuple):
+    """What the robot is told, and why."""
+
+    command: Command
+    reasons: tuple[Reason, ...]
+    time_to_contact: float
+    """On the arc that the policy asked for [s]; infinite within the horizon, NaN if not looked."""
+
+
+@dataclass(frozen=True)
+class SafetyConfig:
+    """When to stop and when to slow down; times in seconds, lengths in metres."""
+
+    scan_timeout_s: float = 0.5
+    """A scan older than this stops the robot: two and a half turns of a lidar at 5 Hz."""
+    odometry_timeout_s: float = 0.3
+    transform_timeout_s: float = 1.0
+    clock_jump_s: float = 1.0
+    """Stamps that go back, or run ahead, by more than this are a jump."""
+    valid_share_min: float = 0.5
+    """A scan with a smaller share of beams that are not NaN is unusable."""
+    padding: float = 0.02
+    """The outline is larger by this to every side [m]."""
+    reaction_s: float = 0.15
+    """From a command until the base has taken it up: transport and lag, beside a control step."""
+    time_to_collision_s: float = 0.6
+    """In the slow-down zone the robot goes so slowly that contact is at least this far away."""
+    obstacle_speed: float = 0.0
+    """Obstacles may come nearer at this speed [m/s]; 0 takes them for standing."""
+
+    def __post_init__(self) -> None:
+        """Refuse what could not protect.
+
+        Raises:
+            InputError: names the first number that is out of range.
+        """
+        for name, value in asdict(self).items():
+            least = 0.0 if name in ("padding", "obstacle_speed", "valid_share_min") else 1e-3
+            if not least <= value < math.inf:
+                raise InputError(f"safety.{name} = {value}: must be {least:g} or more, and finite")
+
+    @classmethod
+    def names(cls) -> list[str]:
+        """Name the settings in order."""
+        return [f.name for f in fields(cls)]
+
+
+class SafetySupervisor:
+    """Tell a robot what is safe of what it is asked to do; one call of ``supervise`` a command."""
+
+    def __init__(
+        self,
+        robot: RobotSpec,
+        control_dt: float,
+        config: SafetyConfig,
+        *,
+        same_clock: bool = False,
+    ) -> None:
+        """Guard ``robot``, which gets a command every ``control_dt`` [s].
+
+        ``same_clock``: stamps are of the clock that ``now`` is of, as in simulated time.
+        """
+        self.config = config
+        self.control_dt = control_dt
+        self._limits = robot.limits
+        self._fastest = max(robot.limits.linear_max, -robot.limits.linear_min)
+        self._outline = Outline(robot.footprint)
+        self._mount = np.array([robot.lidar.x, robot.lidar.y, robot.lidar.yaw])
+        self._reaction = config.reaction_s + control_dt + robot.actuator.lag_s
+        self._scans = Stream(config.clock_jump_s, same_clock=same_clock)
+        self._odometries = Stream(config.clock_jump_s, same_clock=same_clock)
+        self._returns: NDArray[np.float64] | None = None
+        self._scan_stamp = 0.0
+        self._track = OdometryTrack(config.odometry_timeout_s)
+        self._odometry_valid = False
+        self._emergency = False
+        self._jumped: Reason | None = None
+        self._now = -math.inf
+        self._commanded_at = -math.inf
+        self._command = STOP
+
+    @property
+    def emergency(self) -> bool:
+        """Whether the emergency stop is pressed."""
+        return self._emergency
+
+    def set_emergency(self, pressed: bool) -> None:
+        """Press or release the emergency stop."""
+        self._emergency = pressed
+
+    def see_scan(self, scan: Scan, now: float) -> bool:
+        """Take in a scan that arrived at ``now`` [s]; tell whether it is newer than the last."""
+        self._follow_clock(now)
+        arrival = self._scans.accept(scan.stamp, now)
+        if arrival is Arrival.JUMP:
+            self._jump(Reason.CLOCK_JUMP)
+        if arrival is Arrival.OLD:
+            return False
+        usable = self._is_usable(scan)
+        self._returns = returns_as_points(scan, self._mount) if usable else None
+        self._scan_stamp = scan.stamp
+        return usable
+
+    def _is_usable(self, scan: Scan) -> bool:
+        ranges = np.asarray(scan.ranges)
+        numbers = (scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
+        if ranges.ndim != 1 or ranges.size == 0 or not all(map(math.isfinite, numbers)):
+            return False
+        if (np.isfinite(ranges) & (ranges < 0.0)).any():
+            return False
+        valid = np.mean(~np.isnan(ranges))
+        return bool(valid > 0.0 and valid >= self.config.valid_share_min)
+
+    def see_odometry(self, odometry: Odometry, now: float) -> bool:
+        """Take in odometry that arrived at ``now`` [s]; tell whether it is newer than the last."""
+        self._follow_clock(now)
+        arrival = self._odometries.accept(odometry.stamp, now)
+        if arrival is Arrival.JUMP:
+            self._jump(Reason.CLOCK_JUMP)
+        if arrival is Arrival.OLD:
+            return False
+        before, self._odometry_valid = self._track.newest, self._is_plausible(odometry)
+        if not self._odometry_valid:
+            return False
+        if before is not None and arrival is Arrival.NEW and self._moved_too_far(before, odometry):
+            self._jump(Reason.ODOMETRY_JUMP)
+        self._track.add(odometry)
+        return True
+
+    def pose(self, now: float) -> NDArray[np.float64] | None:
+        """Return the pose by odometry at ``now``, shape (3,) [m, m, rad]; None if it is unknown."""
+        if self._track.newest is None or not self._odometry_valid:
+            return None
+        return self._track.pose_at(self._odometries.stamp_at(now))
+
+    @property
+    def odometry(self) -> Odometry | None:
+        """The newest valid odometry."""
+        return self._track.newest
+
+    def faults(
+        self, now: float, *, goal: bool = True, transform_age: float = 0.0
+    ) -> tuple[Reason, ...]:
+        """Return every reason why the robot must stand at ``now`` [s], whatever the policy says.
+
+        ``transform_age`` [s] is how old the transform to the goal's frame is.
+        """
+        self._follow_clock(now)
+        config = self.config
+        checks = (
+            (Reason.EMERGENCY_STOP, self._emergency),
+            (Reason.CLOCK_JUMP, self._jumped is Reason.CLOCK_JUMP),
+            (Reason.ODOMETRY_JUMP, self._jumped is Reason.ODOMETRY_JUMP),
+            (Reason.NO_SCAN, not self._scans.begun),
+            (
+                Reason.STALE_SCAN,
+                self._scans.begun and not self._scans.age(now) <= config.scan_timeout_s,
+            ),
+            (Reason.INVALID_SCAN, self._scans.begun and self._returns is None),
+            (Reason.NO_ODOMETRY, not self._odometries.begun),
+            (
+                Reason.STALE_ODOMETRY,
+                self._odometries.begun
+                and not self._odometries.age(now) <= config.odometry_timeout_s,
+            ),
+            (Reason.INVALID_ODOMETRY, self._odometries.begun and not self._odometry_valid),
+            (Reason.LOST_TRANSFORM, not transform_age <= config.transform_timeout_s),
+            (Reason.NO_GOAL, not goal),
+        )
+        return tuple(reason for reason, holds in checks if holds)
+
+    def supervise(
+        self,
+        proposed: Sequence[float] | NDArray[np.floating] | None,
+        now: float,
+        *,
+        goal: bool = True,
+        transform_age: float = 0.0,
+    ) -> Verdict:
+        """Return what the robot is told at ``now`` [s] instead of ``proposed`` v and w.
+
+        None, or what is no pair of finite numbers, counts as a failure of the policy. The rest is
+        as for ``faults``. A jump is over once the robot was told to stop for it.
+        """
+        faults = self.faults(now, goal=goal, transform_age=transform_age)
+        command = _as_command(proposed)
+        elapsed = max(0.0, now - self._commanded_at)
+        self._commanded_at = now
+        if faults or command is None:
+            self._jumped = None
+            self._command = STOP
+            return Verdict(STOP, faults or (Reason.POLICY_FAILED,), math.nan)
+        verdict = self._check_way(self._limited(command, elapsed), now)
+        self._command = verdict.command
+        return verdict
+
+    def _limited(self, command: Command, elapsed: float) -> Command:
+        """Keep a command within the limits of speed, and within reach of the last one."""
+        limits, step = self._limits, min(elapsed, self.control_dt)
+        v = min(max(command[0], limits.linear_min), limits.linear_max)
+        w = min(max(command[1], -limits.angular_max), limits.angular_max)
+        dv, dw = limits.linear_acceleration * step, limits.angular_acceleration * step
+        last_v, last_w = self._command
+        return (
+            min(max(v, last_v - dv), last_v + dv),
+            min(max(w, last_w - dw), last_w + dw),
+        )
+
+    def _check_way(self, command: Command, now: float) -> Verdict:
+        """Slow a command down until the robot can stop before it touches anything."""
+        pose, newest = self.pose(now), self._track.newest
+        assert pose is not None
+        assert newest is not None
+        assert self._returns is not None
+        # Returns stay where they are in the odometry frame while the robot moves on.
+        points = to_world(self._returns, self._track.pose_at(self._scan_stamp))
+        points = to_frame(points, pose)
+        v, w = command
+        # What the robot does now it goes on doing until it has taken the command up.
+        moving = (float(newest.twist[0]), float(newest.twist[1]))
+        # A command is taken to need as much longer as odometry needed to come.
+        reaction = self._reaction + max(0.0, self._odometries.age(now))
+        share, _ = self._share(points, moving, reaction, slow_down=False)
+        if share < 1.0:
+            v, w = _not_faster(v, share * moving[0]), _not_faster(w, share * moving[1])
+        share, contact = self._share(points, (v, w), reaction)
+        if share >= LEAST_SHARE:
+            slowed = share < 1.0 or (v, w) != command
+            return Verdict((share * v, share * w), (Reason.SLOWED,) if slowed else (), contact)
+        # No way ahead on this arc: it may still turn away on the spot.
+        share, _ = self._share(points, (0.0, w), reaction)
+        turn = share * w if share >= LEAST_SHARE else 0.0
+        return Verdict((0.0, turn), (Reason.OBSTACLE,), contact)
+
+    def _share(
+        self,
+        points: NDArray[np.float64],
+        twist: Command,
+        reaction: float,
+        *,
+        slow_down: bool = True,
+    ) -> tuple[float, float]:
+        """Return how much of a twist is safe, 0 to 1, and when all of it meets a point [s]."""
+        config, limits = self.config, self._limits
+        braking = max(
+            abs(twist[0]) / limits.linear_acceleration, abs(twist[1]) / limits.angular_acceleration
+        )
+        least = config.time_to_collision_s if slow_down else 1e-9
+        horizon = max(least, reaction + 0.5 * braking)
+        contact = time_to_contact(
+            self._outline, points, twist, horizon, config.padding, config.obstacle_speed
+        )
+        return allowed_share(contact, reaction, braking, least), contact
+
+    def _is_plausible(self, odometry: Odometry) -> bool:
+        numbers = np.concatenate([odometry.pose, odometry.twist])
+        if numbers.shape != (5,) or not np.isfinite(numbers).all():
+            return False
+        v, w = np.abs(odometry.twist)
+        return bool(
+            v <= IMPLAUSIBLE * self._fastest and w <= IMPLAUSIBLE * self._limits.angular_max
+        )
+
+    def _moved_too_far(self, before: Odometry, after: Odometry) -> bool:
+        elapsed = after.stamp - before.stamp
+        moved = math.hypot(*(after.pose[:2] - before.pose[:2]))
+        return moved > 2.0 * self._fastest * elapsed + ODOMETRY_SLACK
+
+    def _follow_clock(self, now: float) -> None:
+        """Notice that our own clock went back: all ages are then unknown."""
+        if not now >= self._now:
+            self._jump(Reason.CLOCK_JUMP)
+        self._now = now
+
+    def _jump(self, reason: Reason) -> None:
+        """Forget what was measured before a jump."""
+        self._jumped = reason
+        self._returns = None
+        self._track.clear()
+        if reason is Reason.CLOCK_JUMP:
+            self._scans.forget()
+            self._odometries.forget()
+            self._odometry_valid = False
+
+
+def _not_faster(speed: float, limit: float) -> float:
+    """Return ``speed``, kept within ``limit`` if it has the same direction."""
+    return math.copysign(min(abs(speed), abs(limit)), speed) if speed * limit >= 0.0 else speed
+
+
+def _as_command(proposed: Sequence[float] | NDArray[np.floating] | None) -> Command | None:
+    """Return a pair of finite numbers, or None for anything else."""
+    try:
+        values = np.asarray(proposed, dtype=np.float64)
+    except (TypeError, ValueError):
+        return None
+    if values.shape != (2,) or not np.isfinite(values).all():
+        return None
+    return float(values[0]), float(values[1])

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The planar simulator as a robot: a clock, a lidar, odometry, and motors that want to be told.
+
+It stands in for a robot where there is none: behind ROS topics (``sim_node``), DDS, in tests.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pm01_nav.deploy.messages import Odometry, Scan
+from pm01_nav.geometry import to_world
+from pm01_nav.robot import RobotSpec, load_robot
+from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.task.randomization import RandomizationConfig, load_randomization
+from pm01_nav.task.tasks import TASKS, task_config
+from pm01_nav.task.worlds import world_pool
+from pm01_nav.worlds.files import read_world
+from pm01_nav.worlds.pool import WorldPool, build_pool
+
+NUM_WORLDS = 32
+"""Of a suite; each reset draws one of them."""
+MARGIN = 0.1
+"""Starts and goals leave so much more room than the robot needs [m]."""
+
+
+class SimulatedRobot:
+    """One robot in one world at a time; ``step`` moves time on by ``dt``."""
+
+    def __init__(
+        self,
+        robot: RobotSpec,
+        pool: WorldPool,
+        *,
+        seed: int = 0,
+        dt: float = 0.02,
+        scan_period: float = 0.1,
+        command_timeout: float = 0.2,
+        randomization: RandomizationConfig | None = None,
+    ) -> None:
+        """Put ``robot`` at a start in a world of ``pool``.
+
+        ``dt`` [s] is a step and the time between two odometries, ``scan_period`` [s] that between
+        two scans. Without a command for ``command_timeout`` [s] the motors stop, as a base with a
+        watchdog of its own does. With ``randomization`` something is wrong with the robot.
+        """
+        self.robot = robot
+        self.dt = dt
+        self._steps_per_scan = max(1, round(scan_period / dt))
+        self._command_timeout = command_timeout
+        self._simulator = PlanarSimulator(robot, pool, 1, control_dt=dt, goal_distance=(2.0, 1e9))
+        if randomization is not None:
+            self._simulator.perturb(randomization.ranges(robot))
+        self._simulator.seed([seed])
+        self.time = 0.0
+        """[s]; a reset does not turn it back."""
+        self.collisions = 0
+        """How often it drove into something; it then stands where it was before."""
+        self._steps = 0
+        self._command = np.zeros((1, 2))
+        self._commanded_at = -math.inf
+        self.reset()
+
+    def reset(self, world: int | None = None) -> None:
+        """Start again, somewhere else, in a world of the pool."""
+        worlds = None if world is None else np.array([world])
+        self._simulator.reset(worlds=worlds)
+        self._command[:] = 0.0
+        self._commanded_at = -math.inf
+
+    def command(self, linear: float, angular: float) -> None:
+        """Tell the motors v and w [m/s, rad/s]; what is not finite is taken for a stop."""
+        command = (linear, angular) if math.isfinite(linear + angular) else (0.0, 0.0)
+        self._command[0] = command
+        self._commanded_at = self.time
+
+    def step(self) -> bool:
+        """Move on by ``dt``; tell whether there is a new scan."""
+        simulator = self._simulator
+        if self.time - self._commanded_at > self._command_timeout + 1e-9:
+            self._command[:] = 0.0
+        before = simulator.state.pose.copy()
+        simulator.step(self._command)
+        if simulator.state.contact[0]:
+            self.collisions += 1
+            simulator.place(np.array([0]), before, simulator.state.goal)
+        self._steps += 1
+        self.time = self._steps * self.dt
+        return self._steps % self._steps_per_scan == 0
+
+    def scan(self) -> Scan:
+        """Return what the lidar sees now."""
+        lidar = self.robot.lidar
+        return Scan(
+            self.time,
+            lidar.angle_min,
+            lidar.angle_increment,
+            lidar.range_min,
+            lidar.range_max,
+            self._simulator.scan[0],
+        )
+
+    def odometry(self) -> Odometry:
+        """Return where the robot believes to be, in a frame that begins as the world's."""
+        simulator = self._simulator
+        pose, twist = simulator.measured_pose[0], simulator.measured_twist[0]
+        return Odometry(self.time, pose.copy(), twist.copy())
+
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """Where the robot really is, shape (3,) [m, m, rad] in the world."""
+        return self._simulator.state.pose[0].copy()
+
+    @property
+    def goal(self) -> NDArray[np.float64]:
+        """The goal of the present episode, shape (2,) [m] in the world."""
+        return self._simulator.state.goal[0].copy()
+
+    def odometry_frame(self) -> NDArray[np.float64]:
+        """Return where odometry's frame lies in the world, shape (3,): its drift so far."""
+        true, measured = self.pose, self.odometry().pose
+        turn = true[2] - measured[2]
+        origin = to_world(-measured[:2], np.array([0.0, 0.0, turn])) + true[:2]
+        return np.array([*origin, turn])
+
+    def place(self, pose: NDArray[np.float64], goal: NDArray[np.float64]) -> None:
+        """Put the robot at rest at ``pose`` (3,) with another ``goal`` (2,)."""
+        self._simulator.place(np.array([0]), pose[None], goal[None])
+
+
+def simulated_robot(
+    world: str,
+    robot: str,
+    *,
+    seed: int,
+    dt: float,
+    scan_period: float = 0.1,
+    command_timeout: float = 0.2,
+    randomization: str = "off",
+) -> SimulatedRobot:
+    """Return ``robot`` (a name or a YAML file) in ``world``: a suite's name or a world's file.
+
+    ``randomization`` is as for ``load_randomization``, the rest as for ``SimulatedRobot``.
+
+    Raises:
+        InputError: there is no such world or robot, or no way leads through the world.
+    """
+    spec = load_robot(robot)
+    if world in TASKS:
+        task = task_config(world).model_copy(update={"robot": robot})
+        pool = world_pool(task, "held_out", NUM_WORLDS, 1)
+    else:
+        pool = build_pool([read_world(world)], spec.footprint.circumscribed_radius + MARGIN)
+    return SimulatedRobot(
+        spec,
+        pool,
+        seed=seed,
+        dt=dt,
+        scan_period=scan_period,
+        command_timeout=command_timeout,
+        randomization=load_randomization(randomization),
+    )

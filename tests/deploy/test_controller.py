@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controller: goals, what it asks the policy, and a drive in the simulator."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from pm01_nav.deploy.controller import Controller, Goal
+from pm01_nav.deploy.safety import Reason, SafetyConfig
+from pm01_nav.deploy.simulated_robot import SimulatedRobot
+from pm01_nav.errors import InputError
+from pm01_nav.planners import make_planner
+from pm01_nav.task.observation import scan_geometry
+from pm01_nav.task.tasks import task_config
+from pm01_nav.task.worlds import world_pool
+
+
+class Recorder:
+    """A policy that notes what it is asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[np.ndarray, ...]] = []
+        self.resets = 0
+        self.answer = (0.1, 0.0)
+
+    def reset(self) -> None:
+        self.resets += 1
+
+    def keep(self, robots) -> None: ...
+
+    def act(self, scan, goal, velocity):
+        self.asked.append((scan, np.array(goal), np.array(velocity)))
+        return self.answer
+
+
+@pytest.fixture
+def policy():
+    return Recorder()
+
+
+@pytest.fixture
+def controller(robot, policy, make_scan, make_odometry):
+    controller = Controller(
+        policy,
+        robot,
+        scan_geometry(robot.lidar),
+        control_dt=0.1,
+        goal_radius=0.3,
+        safety=SafetyConfig(),
+    )
+    controller.see_odometry(make_odometry(5.0, 0.2, 0.1, (1.0, 2.0, math.pi / 2)), 5.0)
+    controller.see_scan(make_scan(5.0), 5.0)
+    return controller
+
+
+def test_the_policy_sees_the_goal_from_where_the_robot_is(controller, policy):
+    controller.set_goal(Goal(0.0, 5.0))
+    status = controller.step(5.0)
+    # The robot at (1, 2) looks along y: the goal is 3 m ahead and 1 m to the left.
+    _, goal, velocity = policy.asked[0]
+    assert goal == pytest.approx([3.0, 1.0])
+    assert velocity == pytest.approx([0.2, 0.1])
+    assert status.goal_distance == pytest.approx(math.sqrt(10.0))
+    assert status.verdict.command == (0.1, 0.0)
+
+
+def test_without_a_goal_the_robot_stands_and_the_policy_is_not_asked(controller, policy):
+    status = controller.step(5.0)
+    assert status.verdict.command == (0.0, 0.0)
+    assert status.verdict.reasons == (Reason.NO_GOAL,)
+    assert policy.asked == []
+
+
+def test_a_goal_within_its_radius_is_reached_once(controller):
+    controller.set_goal(Goal(1.0, 2.29))
+    first, second = controller.step(5.0), controller.step(5.1)
+    assert first.arrived
+    assert first.verdict.command == (0.0, 0.0)
+    assert not second.arrived
+    assert controller.goal is None
+
+
+def test_the_emergency_stop_ends_the_goal(controller, policy):
+    controller.set_goal(Goal(0.0, 5.0))
+    controller.set_emergency(True)
+    assert controller.step(5.0).verdict.command == (0.0, 0.0)
+    controller.set_emergency(False)
+    # Releasing it does not start the robot: that takes a new goal.
+    assert controller.step(5.05).verdict.reasons == (Reason.NO_GOAL,)
+    controller.set_goal(Goal(0.0, 5.0))
+    assert controller.step(5.1).verdict.command == pytest.approx((0.1, 0.0))
+
+
+def test_a_clock_that_jumps_drops_the_goal(controller, make_scan):
+    controller.set_goal(Goal(0.0, 5.0))
+    controller.see_scan(make_scan(2.0), 5.1)
+    status = controller.step(5.1)
+    assert status.dropped
+    assert controller.goal is None
+
+
+def test_a_policy_that_raises_stops_the_robot_and_says_why(controller, policy):
+    policy.answer = None
+    controller.set_goal(Goal(0.0, 5.0))
+    policy.act = lambda *_: 1 / 0
+    status = controller.step(5.0)
+    assert status.verdict.reasons == (Reason.POLICY_FAILED,)
+    assert controller.failure == "division by zero"
+    assert controller.goal is not None
+
+
+def test_a_new_goal_lets_the_policy_forget_and_a_moved_one_does_not(controller, policy):
+    controller.set_goal(Goal(0.0, 5.0))
+    controller.move_goal(Goal(0.0, 5.1))
+    assert policy.resets == 1
+
+
+def test_a_goal_must_be_a_place():
+    with pytest.raises(InputError, match="goal"):
+        Goal(math.nan, 0.0)
+
+
+def test_the_controller_needs_neither_simulator_nor_torch():
+    code = (
+        "import sys; import pm01_nav.deploy.controller, pm01_nav.policy;"
+        "heavy = {'numba', 'torch', 'gymnasium', 'scipy', 'pydantic', 'yaml', 'click', 'rclpy'};"
+        "sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_planner_drives_the_simulated_robot_to_its_goal():
+    task = task_config("static")
+    robot = task.robot_spec()
+    planner = make_planner("dwa", robot, 0.1)
+    sim = SimulatedRobot(robot, world_pool(task, "held_out", 4, 1), seed=1)
+    controller = Controller(
+        planner,
+        robot,
+        scan_geometry(robot.lidar),
+        control_dt=0.1,
+        goal_radius=0.3,
+        safety=SafetyConfig(),
+    )
+    controller.set_goal(Goal(*sim.goal))
+    for _ in range(3000):
+        new_scan = sim.step()
+        controller.see_odometry(sim.odometry(), sim.time)
+        if new_scan:
+            controller.see_scan(sim.scan(), sim.time)
+            status = controller.step(sim.time)
+            sim.command(*status.verdict.command)
+            if status.arrived:
+                break
+    assert status.arrived
+    assert sim.collisions == 0
+    # By the true pose, which odometry is without errors.
+    assert np.hypot(*(sim.pose[:2] - sim.goal)) <= 0.3 + 0.05
+
+
+def test_the_simulated_robot_stops_without_commands():
+    task = task_config("empty")
+    sim = SimulatedRobot(task.robot_spec(), world_pool(task, "held_out", 1, 1), seed=1)
+    sim.command(0.3, 0.0)
+    for _ in range(10):
+        sim.step()
+    assert sim.odometry().twist[0] == pytest.approx(0.3, abs=0.02)
+    # The motors stop after 0.2 s without a command; the base then needs 0.15 s and its lag.
+    for _ in range(25):
+        sim.step()
+    assert sim.odometry().twist[0] == pytest.approx(0.0, abs=0.01)

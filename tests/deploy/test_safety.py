@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The supervisor: each reason to stop, the way ahead, and that nothing unsafe gets by."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pm01_nav.deploy.safety import Reason, SafetyConfig, SafetySupervisor
+from pm01_nav.errors import InputError
+
+DT = 0.1
+
+
+@pytest.fixture
+def supervisor(robot):
+    return SafetySupervisor(robot, DT, SafetyConfig())
+
+
+@pytest.fixture
+def fresh(supervisor, make_scan, make_odometry):
+    """A supervisor that has just seen free space, standing still, at 10 s."""
+    supervisor.see_odometry(make_odometry(10.0), 10.0)
+    supervisor.see_scan(make_scan(10.0), 10.0)
+    return supervisor
+
+
+def test_what_is_safe_goes_through(fresh):
+    # 2 m/s^2 and 8 rad/s^2 allow 0.2 m/s and 0.8 rad/s in the first step.
+    verdict = fresh.supervise((0.15, -0.5), 10.0)
+    assert verdict.command == (0.15, -0.5)
+    assert verdict.reasons == ()
+
+
+def test_speed_and_acceleration_are_limited(fresh, make_scan, make_odometry):
+    commands = []
+    for step in range(4):
+        now = 10.0 + DT * step
+        fresh.see_odometry(make_odometry(now + 0.001), now)
+        fresh.see_scan(make_scan(now + 0.001), now)
+        commands.append(fresh.supervise((9.0, -9.0), now).command)
+    assert commands == [
+        pytest.approx((0.2, -0.8)),
+        pytest.approx((0.4, -1.5)),
+        pytest.approx((0.5, -1.5)),
+        pytest.approx((0.5, -1.5)),
+    ]
+
+
+@pytest.mark.parametrize(
+    "proposed",
+    [None, "left", (math.nan, 0.0), (0.0, math.inf), (0.1,), np.zeros((1, 2)), object()],
+)
+def test_a_policy_that_fails_stops_the_robot(fresh, proposed):
+    verdict = fresh.supervise(proposed, 10.0)
+    assert verdict.command == (0.0, 0.0)
+    assert verdict.reasons == (Reason.POLICY_FAILED,)
+
+
+def test_nothing_moves_before_the_first_messages(supervisor):
+    verdict = supervisor.supervise((0.1, 0.0), 10.0)
+    assert verdict.command == (0.0, 0.0)
+    assert set(verdict.reasons) == {Reason.NO_SCAN, Reason.NO_ODOMETRY}
+
+
+def test_a_stale_scan_stops_and_a_fresh_one_lets_go_on(fresh, make_scan, make_odometry):
+    for step in range(1, 50):
+        fresh.see_odometry(make_odometry(10.0 + 0.01 * step), 10.0 + 0.01 * step)
+    assert fresh.supervise((0.1, 0.0), 10.49).reasons == ()
+    assert fresh.supervise((0.1, 0.0), 10.52).reasons == (Reason.STALE_SCAN,)
+    fresh.see_scan(make_scan(10.53), 10.53)
+    assert fresh.supervise((0.04, 0.0), 10.55).command == (0.04, 0.0)
+
+
+def test_a_repeated_scan_grows_stale(fresh, make_scan, make_odometry):
+    for step in range(1, 7):
+        now = 10.0 + 0.1 * step
+        fresh.see_odometry(make_odometry(now), now)
+        fresh.see_scan(make_scan(10.0), now)
+    assert fresh.supervise((0.1, 0.0), 10.6).reasons == (Reason.STALE_SCAN,)
+
+
+def test_stale_odometry_stops(fresh, make_scan):
+    fresh.see_scan(make_scan(10.3), 10.3)
+    assert fresh.supervise((0.1, 0.0), 10.31).reasons == (Reason.STALE_ODOMETRY,)
+
+
+@pytest.mark.parametrize("ranges", [math.nan, -1.0])
+def test_an_unusable_scan_stops(fresh, make_scan, ranges):
+    fresh.see_scan(make_scan(10.05, ranges), 10.05)
+    assert fresh.supervise((0.1, 0.0), 10.05).reasons == (Reason.INVALID_SCAN,)
+
+
+@pytest.mark.parametrize(
+    ("v", "pose"), [(math.nan, (0, 0, 0)), (0.0, (math.inf, 0, 0)), (5.0, (0, 0, 0))]
+)
+def test_odometry_that_cannot_be_stops(fresh, make_odometry, v, pose):
+    fresh.see_odometry(make_odometry(10.05, v, pose=pose), 10.05)
+    assert Reason.INVALID_ODOMETRY in fresh.supervise((0.1, 0.0), 10.05).reasons
+
+
+def test_odometry_that_jumps_stops(fresh, make_odometry, make_scan):
+    fresh.see_odometry(make_odometry(10.05, pose=(2.0, 0.0, 0.0)), 10.05)
+    assert Reason.ODOMETRY_JUMP in fresh.supervise((0.1, 0.0), 10.05).reasons
+    fresh.see_odometry(make_odometry(10.1, pose=(2.0, 0.0, 0.0)), 10.1)
+    fresh.see_scan(make_scan(10.1), 10.1)
+    assert fresh.supervise((0.1, 0.0), 10.1).reasons == ()
+
+
+@pytest.mark.parametrize("stamp", [5.0, 15.0])
+def test_a_clock_that_jumps_stops_once(fresh, make_odometry, make_scan, stamp):
+    fresh.see_scan(make_scan(stamp), 10.1)
+    assert Reason.CLOCK_JUMP in fresh.supervise((0.1, 0.0), 10.1).reasons
+    fresh.see_odometry(make_odometry(stamp + 0.1), 10.2)
+    fresh.see_scan(make_scan(stamp + 0.1), 10.2)
+    assert fresh.supervise((0.1, 0.0), 10.2).command == (0.1, 0.0)
+
+
+def test_our_own_clock_going_back_is_a_jump(fresh):
+    assert Reason.CLOCK_JUMP in fresh.supervise((0.1, 0.0), 9.9).reasons
+
+
+@pytest.mark.parametrize("now", [math.nan, -math.inf, math.inf])
+def test_a_clock_of_ours_that_is_no_time_stops(fresh, make_scan, now):
+    fresh.see_scan(make_scan(10.05), now)
+    assert fresh.supervise((0.1, 0.0), now).command == (0.0, 0.0)
+
+
+def test_emergency_stop_lost_transform_and_no_goal(fresh):
+    assert fresh.supervise((0.1, 0.0), 10.0, goal=False).reasons == (Reason.NO_GOAL,)
+    for age in (1.1, math.inf, math.nan):
+        verdict = fresh.supervise((0.1, 0.0), 10.0, transform_age=age)
+        assert verdict.reasons == (Reason.LOST_TRANSFORM,)
+    fresh.set_emergency(True)
+    assert fresh.supervise((0.1, 0.0), 10.0).reasons == (Reason.EMERGENCY_STOP,)
+    fresh.set_emergency(False)
+    assert fresh.supervise((0.1, 0.0), 10.0).reasons == ()
+
+
+def test_slows_down_near_an_obstacle_and_stands_before_it(fresh, make_scan):
+    # Beam 180 looks straight ahead. The gap is r - 0.17 - 0.02 m. 0.1 m/s meets an obstacle at
+    # 0.22 m after 0.3 s, half of what the slow-down zone asks for; the looks of 1 cm may make it
+    # 0.02 m, that is 0.2 s, earlier.
+    fresh.see_scan(make_scan(10.05, beam_180=0.22), 10.05)
+    verdict = fresh.supervise((0.1, 0.0), 10.05)
+    assert verdict.reasons == (Reason.SLOWED,)
+    assert 0.1 * 0.1 / 0.6 <= verdict.command[0] <= 0.1 * 0.3 / 0.6
+    fresh.see_scan(make_scan(10.1, beam_180=0.18), 10.1)
+    verdict = fresh.supervise((0.1, 0.3), 10.1)
+    assert verdict.reasons == (Reason.OBSTACLE,)
+    # A disc may still turn on the spot.
+    assert verdict.command == (0.0, 0.3)
+    assert fresh.supervise((-0.1, 0.0), 10.15).command[0] == -0.1
+
+
+def test_brakes_for_what_the_robot_does_now(fresh, make_scan, make_odometry):
+    # At 0.5 m/s the robot needs 0.3 s to react and 0.0625 m to brake: 0.2125 m, and it has 0.1.
+    # Turning away at full speed is then too late, though the new arc itself would be free.
+    fresh.see_odometry(make_odometry(10.05, v=0.5), 10.05)
+    fresh.see_scan(make_scan(10.05, beam_180=0.29), 10.05)
+    verdict = fresh.supervise((0.2, 0.8), 10.05)
+    assert 0.0 <= verdict.command[0] < 0.2
+
+
+def test_returns_stay_in_place_while_the_robot_drives_on(fresh, make_scan, make_odometry):
+    fresh.see_odometry(make_odometry(10.05), 10.05)
+    fresh.see_scan(make_scan(10.05, beam_180=0.6), 10.05)
+    # Seen at 0.6 m. From 0.3 m further on the gap is 0.3 - 0.17 - 0.02 = 0.11 m, 0.55 s at 0.2 m/s;
+    # from where the scan was taken it would be beyond the horizon.
+    fresh.see_odometry(make_odometry(10.25, pose=(0.3, 0.0, 0.0)), 10.25)
+    assert fresh.supervise((0.2, 0.0), 10.25).time_to_contact <= 0.55
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("reaction_s", 0.0), ("padding", -0.1), ("scan_timeout_s", math.inf)]
+)
+def test_settings_that_could_not_protect_are_refused(name, value):
+    with pytest.raises(InputError, match=rf"safety\.{name} = {value}"):
+        SafetyConfig(**{name: value})
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    robot_name=st.sampled_from(["pm01", "jackal"]),
+    rates=st.tuples(*[st.floats(0.0, 0.5)] * 6),
+    delay=st.floats(0.0, 0.9),
+)
+def test_no_sequence_of_messages_leads_to_an_unsafe_command(
+    safety_fuzz, seed, robot_name, rates, delay
+):
+    drop, double, corrupt, jump, policy, operator = rates
+    faults = safety_fuzz.Faults(
+        drop=drop,
+        double=double,
+        delay_s=delay,
+        corrupt=corrupt,
+        clock_jump=0.2 * jump,
+        policy=policy,
+        operator=operator,
+        transform=0.1 * drop,
+        silence=0.1 * corrupt,
+    )
+    sequence = safety_fuzz.Sequence(seed, safety_fuzz.robot_with(robot_name, 90), faults)
+    sequence.run()
+    assert sequence.violations == []
+
+
+@settings(
+    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(seed=st.integers(0, 2**32 - 1), robot_name=st.sampled_from(["pm01", "jackal"]))
+def test_with_honest_messages_no_policy_touches_anything(safety_fuzz, seed, robot_name):
+    robot = safety_fuzz.robot_with(robot_name, 360)
+    sequence = safety_fuzz.Sequence(seed, robot, safety_fuzz.HONEST)
+    sequence.run()
+    assert sequence.violations == []
+    assert sequence.contacts == 0
+
+
+def test_the_judge_finds_what_is_unsafe(safety_fuzz, monkeypatch):
+    """Without the check of the way ahead, the same judge must object."""
+    monkeypatch.setattr(SafetySupervisor, "_share", lambda *_, **__: (1.0, math.inf))
+    found = set()
+    for seed in range(12):
+        sequence = safety_fuzz.Sequence(
+            seed, safety_fuzz.robot_with("pm01", 360), safety_fuzz.HONEST
+        )
+        sequence.run()
+        found.update(sequence.violations)
+    assert found == {"drives into a disc"}
