@@ -64,6 +64,8 @@ class MujocoEngine:
         self._rollout = Rollout(nthread=self._threads)
         # MuJoCo's own timers, which nobody reads here, take a tenth of a step.
         mujoco.set_mjcb_time(None)
+        # Its warnings would become a file in the working folder; who diverged is told otherwise.
+        mujoco.set_mju_user_warning(_say_nothing)
         self._data: dict[tuple[int, ...], list[Any]] = {}
         self._robots: list[Compiled | None] = [None] * num_envs
         self._groups: dict[tuple[int, ...], NDArray[np.int64]] = {}
@@ -200,6 +202,10 @@ class MujocoEngine:
         if len(self._models) > MOST_MODELS:
             self._models.popitem(last=False)
         return compiled
+
+
+def _say_nothing(warning: str) -> None:
+    """Take a warning of MuJoCo."""
 
 
 def _rotations(quaternions: FloatArray) -> FloatArray:

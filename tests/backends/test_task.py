@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -74,15 +75,18 @@ def test_a_lost_robot_ends_its_episode_only(engine: str, monkeypatch: pytest.Mon
     assert np.isfinite(after.observation).all()
 
 
-def test_mujoco_itself_diverges() -> None:
+def test_mujoco_itself_diverges(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if find_spec("mujoco") is None:
         pytest.skip("needs mujoco (extra physics)")
+    monkeypatch.chdir(tmp_path)
     batch = batch_on("mujoco", 2)
     assert isinstance(batch.simulator, PhysicsSimulator)
     batch.simulator._engine._state[0, -1] = np.nan
     result = batch.step(np.zeros((2, 2)))
     assert result.episodes is not None
     assert result.episodes.faults == {0: DIVERGED}
+    # MuJoCo left no log behind.
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_evaluation_says_why_it_lost_an_episode(
