@@ -60,6 +60,8 @@ class BodyModel:
     """x of the front and of the rear one, shape (2,)."""
     lidar: FloatArray
     """x, y, z of the lidar, shape (3,)."""
+    beams: FloatArray
+    """Directions of its beams, shape (num_beams, 3)."""
 
     @property
     def mass(self) -> float:
@@ -76,6 +78,7 @@ def body_model(robot: RobotSpec) -> BodyModel:
     hull_mass = (1.0 - 2.0 * WHEEL_SHARE) * mass
     bottom = min(MAX_CLEARANCE, 0.5 * wheel) - wheel
     top = max(robot.body.height - wheel, bottom + 0.5 * wheel)
+    angles = robot.lidar.angles + robot.lidar.yaw
     # Of a prism: the plate's moments, and its height's about the two level axes.
     upright = (top - bottom) ** 2 / 12.0
     x, y = moments
@@ -94,6 +97,7 @@ def body_model(robot: RobotSpec) -> BodyModel:
         caster_height=CASTER_GAP - 0.6 * wheel,
         casters=CASTER_PLACE * _reach(outline, radius),
         lidar=np.array([robot.lidar.x, robot.lidar.y, robot.body.lidar_height - wheel]),
+        beams=np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=-1),
     )
 
 

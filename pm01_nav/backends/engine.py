@@ -15,6 +15,11 @@ from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
 
+PHYSICS_DT = 0.005
+"""One step of an engine [s], or the nearest that fits."""
+WALL_THICKNESS = 0.002
+"""Of walls that have none in the plane: 1 mm to each side [m]."""
+
 
 @dataclass(frozen=True)
 class Scenario:

@@ -12,9 +12,10 @@ import mujoco as mujoco_package
 import numpy as np
 from mujoco.rollout import Rollout
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pm01_nav.backends.body import body_model
-from pm01_nav.backends.engine import Motion, Scenario, View
+from pm01_nav.backends.engine import PHYSICS_DT, Motion, Scenario, View
 from pm01_nav.backends.mujoco_model import ROBOT_GROUP, robot_in_world
 from pm01_nav.backends.mujoco_picture import draw
 from pm01_nav.robot import RobotSpec
@@ -25,8 +26,6 @@ FloatArray = NDArray[np.float64]
 mujoco: Any = mujoco_package
 """Type checkers see nothing of what is compiled."""
 
-PHYSICS_DT = 0.005
-"""[s]"""
 MOST_MODELS = 2048
 """Compiled worlds that are kept for the next episode in them."""
 STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -55,8 +54,6 @@ class MujocoEngine:
         self._substeps = max(1, round(tick / PHYSICS_DT))
         self._dt = tick / self._substeps
         self._range_max = robot.lidar.range_max
-        angles = robot.lidar.angles + robot.lidar.yaw
-        self._beams = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=-1)
         self._seen = np.ones(6, dtype=np.uint8)
         self._seen[ROBOT_GROUP] = 0
         self._models: OrderedDict[int, Compiled] = OrderedDict()
@@ -152,11 +149,12 @@ class MujocoEngine:
 
     def cast(self, indices: NDArray[np.int64], ranges: NDArray[np.float32]) -> None:
         """Write the exact ranges of some robots' lidars [m]; see ``Engine``."""
-        count, reach = len(self._beams), self._range_max
+        count, reach = len(self._body.beams), self._range_max
         place = self._state[indices, PLACE]
-        turn = _rotations(place[:, 3:])
+        # MuJoCo's quaternions begin with the scalar, SciPy's end with it.
+        turn = Rotation.from_quat(place[:, [4, 5, 6, 3]]).as_matrix()
         origins = place[:, :3] + turn @ self._body.lidar
-        along = (self._beams @ turn.transpose(0, 2, 1)).reshape(len(indices), -1)
+        along = (self._body.beams @ turn.transpose(0, 2, 1)).reshape(len(indices), -1)
         distance = np.empty((len(indices), count))
         geoms = np.empty(count, dtype=np.int32)
         for i, origin, beams, row in zip(indices.tolist(), origins, along, distance, strict=True):
@@ -206,14 +204,3 @@ class MujocoEngine:
 
 def _say_nothing(warning: str) -> None:
     """Take a warning of MuJoCo."""
-
-
-def _rotations(quaternions: FloatArray) -> FloatArray:
-    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4), the scalar first."""
-    w, x, y, z = quaternions.T
-    rows = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1)

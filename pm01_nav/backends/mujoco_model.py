@@ -9,12 +9,11 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import numpy as np
 
 from pm01_nav.backends.body import WHEEL_FRICTION, BodyModel
+from pm01_nav.backends.engine import WALL_THICKNESS
 from pm01_nav.worlds.mjcf import world_model
 from pm01_nav.worlds.sdf_writer import text_of
 from pm01_nav.worlds.world import World
 
-WALL_THICKNESS = 0.002
-"""Of walls that have none in the plane: 1 mm to each side [m]."""
 SERVO_TIME = 0.01
 """Time constant of the wheels' speed control, as long as nothing slips [s]."""
 FLOOR, OBSTACLES = "1", "2"

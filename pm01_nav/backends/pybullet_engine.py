@@ -13,7 +13,7 @@ import pybullet as bullet
 from numpy.typing import NDArray
 
 from pm01_nav.backends.body import WHEEL_FRICTION, BodyModel, body_model
-from pm01_nav.backends.engine import Motion, Scenario, View
+from pm01_nav.backends.engine import PHYSICS_DT, Motion, Scenario, View
 from pm01_nav.backends.pybullet_picture import draw
 from pm01_nav.backends.pybullet_shapes import (
     OBSTACLE_COLOUR,
@@ -31,8 +31,6 @@ from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
 
-PHYSICS_DT = 0.005
-"""[s]"""
 RAYS, FLOOR, FEET, HULL, OBSTACLES = 1, 2, 4, 8, 16
 """Collision groups: wheels and casters meet the floor, the hull meets obstacles; PyBullet itself
 puts rays into the first."""
@@ -70,8 +68,6 @@ class PybulletEngine:
             solverResidualThreshold=1e-9,
         )
         self._range_max = robot.lidar.range_max
-        angles = robot.lidar.angles + robot.lidar.yaw
-        self._beams = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=-1)
         plane = self._call(bullet.createCollisionShape, bullet.GEOM_PLANE, planeNormal=[0, 0, 1])
         floor = self._call(bullet.createMultiBody, 0, plane)
         self._call(bullet.changeDynamics, floor, -1, lateralFriction=1.0)
@@ -140,7 +136,7 @@ class PybulletEngine:
     def _cast(self, i: int, ranges: NDArray[np.float32]) -> None:
         place, turn = self._base(i)
         origin = place + turn @ self._body.lidar
-        tips = origin + self._range_max * (self._beams @ turn.T)
+        tips = origin + self._range_max * (self._body.beams @ turn.T)
         for begin in range(0, len(tips), MOST_RAYS):
             some = tips[begin : begin + MOST_RAYS]
             hits = self._call(

@@ -12,6 +12,7 @@ import pybullet as bullet
 from numpy.typing import NDArray
 
 from pm01_nav.backends.body import BodyModel
+from pm01_nav.backends.engine import WALL_THICKNESS
 from pm01_nav.worlds.mjcf import HEIGHT
 from pm01_nav.worlds.shapes import as_box, convex_pieces, counter_clockwise, obstacle_boxes
 from pm01_nav.worlds.world import World
@@ -20,8 +21,6 @@ FloatArray = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
 Corners = list[list[float]]
 
-WALL_THICKNESS = 0.002
-"""Of walls that have none in the plane: 1 mm to each side [m]."""
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 """A quaternion that turns nothing; the scalar comes last."""
 AXLE = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 
 import numpy as np
@@ -33,28 +32,10 @@ from pm01_nav.train.rsl_ppo import (
     make_algorithm,
     parameters,
 )
+from tests.train.progress import Quiet
 
 SAMPLES = 32 * 16  # one iteration
 PPO = {"n_envs": 32, "n_steps": 16, "batch_size": 256, "n_epochs": 2}
-
-
-class Quiet:
-    """A progress display that shows nothing, and may stop the run as Ctrl-C would."""
-
-    def __init__(self, interrupt_after: int | None = None):
-        self.interrupt_after = interrupt_after
-        self.iterations = 0
-
-    def started(self, message):
-        pass
-
-    def iteration(self, fraction, row, steps_per_second):
-        self.iterations += 1
-        if self.iterations == self.interrupt_after:
-            os.kill(os.getpid(), 2)  # SIGINT, as Ctrl-C sends it
-
-    def evaluated(self, steps, summary):
-        pass
 
 
 def config(iterations: int = 4, task: str = "static", **changes) -> RunConfig:

@@ -15,27 +15,9 @@ from pm01_nav.task.tasks import task_config
 from pm01_nav.train.config import RunConfig, TrainConfig
 from pm01_nav.train.run_folder import RunFolder
 from pm01_nav.train.trainer import train
+from tests.train.progress import Quiet
 
 SAMPLES = 32 * 16  # one iteration
-
-
-class Quiet:
-    """A progress display that shows nothing, and may stop the run as Ctrl-C would."""
-
-    def __init__(self, interrupt_after: int | None = None):
-        self.interrupt_after = interrupt_after
-        self.iterations = 0
-
-    def started(self, message):
-        pass
-
-    def iteration(self, fraction, row, steps_per_second):
-        self.iterations += 1
-        if self.iterations == self.interrupt_after:
-            os.kill(os.getpid(), 2)  # SIGINT, as Ctrl-C sends it
-
-    def evaluated(self, steps, summary):
-        pass
 
 
 def config(iterations: int = 6, **changes) -> RunConfig:
