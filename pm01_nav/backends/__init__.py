@@ -13,12 +13,15 @@ from importlib.util import find_spec
 from typing import Any, Literal
 
 from pm01_nav.arrays import Arrays
+from pm01_nav.backends.gazebo_install import require_gazebo
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.worlds.pool import WorldPool
 
-BackendName = Literal["planar", "mujoco", "pybullet"]
+BackendName = Literal["planar", "mujoco", "pybullet", "gazebo"]
+MOST_ROBOTS: dict[BackendName, int] = {"gazebo": max(1, os.cpu_count() or 1)}
+"""How many robots are worth driving at once, where each is a process."""
 EXTRAS = {"mujoco": "physics", "pybullet": "pybullet"}
 """What to install for each engine."""
 
@@ -46,6 +49,11 @@ def make_simulator(
         return CudaSimulator(robot, pool, num_envs, arrays=arrays, **how)
     if backend == "planar":
         return PlanarSimulator(robot, pool, num_envs, **how)
+    if backend == "gazebo":
+        require_gazebo()
+        from pm01_nav.backends.gazebo import GazeboSimulator
+
+        return GazeboSimulator(robot, pool, num_envs, **how)
     if find_spec(backend) is None:
         extra = EXTRAS[backend]
         raise InputError(
