@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -82,12 +82,6 @@ def ticks_in(control_dt: float) -> int:
 class Engine(Protocol):
     """Robots with weight and wheels on a floor, each alone in a world of its own."""
 
-    def __init__(
-        self, robot: RobotSpec, worlds: Sequence[World], num_envs: int, control_dt: float
-    ) -> None:
-        """Prepare ``num_envs`` robots that get a command every ``control_dt`` [s]."""
-        ...
-
     def reset(self, i: int, scenario: Scenario) -> None:
         """Put robot ``i`` at rest where its scenario says."""
         ...
@@ -126,3 +120,7 @@ class Engine(Protocol):
     def keep(self, indices: NDArray[np.int64]) -> None:
         """Go on with some of the robots only."""
         ...
+
+
+MakeEngine = Callable[[RobotSpec, Sequence[World], int, float], Engine]
+"""Prepares so many robots in some of the worlds, which get a command every so many seconds."""

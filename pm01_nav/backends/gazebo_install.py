@@ -47,7 +47,7 @@ def how_to_install() -> str:
     return "; ".join(INSTALL.values())
 
 
-def require_gazebo() -> None:
+def require_gazebo(backend: str) -> None:
     """Do nothing where Gazebo Harmonic is installed.
 
     Raises:
@@ -55,4 +55,4 @@ def require_gazebo() -> None:
     """
     missing = what_is_missing()
     if missing is not None:
-        raise InputError(f"backend = 'gazebo': {missing}. {how_to_install()}")
+        raise InputError(f"backend = {backend!r}: {missing}. {how_to_install()}")

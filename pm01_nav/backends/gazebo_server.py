@@ -31,6 +31,13 @@ from numpy.typing import NDArray
 from pm01_nav.backends import gazebo_model as names
 from pm01_nav.backends.engine import Scenario, View
 from pm01_nav.backends.gazebo_exchange import Reading, Setup
+from pm01_nav.backends.gazebo_messages import (
+    pose_of,
+    pose_since,
+    ranges_of,
+    stamp_of,
+    twist_of,
+)
 from pm01_nav.backends.gazebo_picture import (
     PICTURE,
     camera_model,
@@ -38,9 +45,9 @@ from pm01_nav.backends.gazebo_picture import (
     pixels,
     towards,
 )
-from pm01_nav.backends.gazebo_stream import StampedStream, stamp_of
+from pm01_nav.backends.gazebo_stream import StampedStream
 from pm01_nav.errors import InputError
-from pm01_nav.geometry import to_frame, to_world, wrap_angle
+from pm01_nav.geometry import to_frame, wrap_angle
 
 FloatArray = NDArray[np.float64]
 
@@ -126,8 +133,7 @@ class GazeboServer:
             raise InputError(f"the robot does not come to rest at {scenario.pose.round(3)}")
         self._teleport(scenario)
         self._step(still)
-        odometry = self._pose_in(self._newest_odometry())
-        self._anchor = (self._poses[-1], odometry)
+        self._anchor = (self._poses[-1], pose_of(self._newest_odometry()))
         return self._read()
 
     def step(self, command: FloatArray, movers: FloatArray) -> Reading:
@@ -250,40 +256,22 @@ class GazeboServer:
         return np.array([way[0], turn]) / self._setup.physics_dt
 
     def _read(self) -> Reading:
-        setup = self._setup
         self._wait_until_delivered()
         odometry = self._newest_odometry()
-        twist = np.array([odometry.twist.linear.x, odometry.twist.angular.z])
         scan = self._scans.wait(self._time_ns, SCAN_TIMEOUT_S)
-        ranges = np.array(scan.ranges, dtype=np.float32)
-        if len(ranges) != setup.num_beams:
-            raise InputError(f"{names.SCAN}: {len(ranges)} beams, the robot has {setup.num_beams}")
-        # Nearer than the sensor can see, where nothing of the robot's own is.
-        ranges[np.isneginf(ranges) | np.isnan(ranges)] = 0.0
-        touch = self._touches.latest(self._time_ns - round(setup.control_dt * 1e9) + 1)
+        begin = self._time_ns - round(self._setup.control_dt * 1e9)
         return Reading(
             pose=self._poses[-1],
             twist=self._twist(),
-            odometry_pose=self._from_start(self._pose_in(odometry)),
-            odometry_twist=twist,
-            contact=touch is not None,
-            ranges=ranges,
+            odometry_pose=pose_since(*self._anchor, pose_of(odometry)),
+            odometry_twist=twist_of(odometry),
+            contact=self._touches.latest(begin + 1) is not None,
+            ranges=ranges_of(scan, self._setup.num_beams, names.SCAN),
         )
 
     def _newest_odometry(self) -> Any:
         period = round(1e9 / names.ODOM_RATE)
         return self._odometry.wait(self._time_ns - period, SCAN_TIMEOUT_S)
-
-    def _pose_in(self, odometry: Any) -> FloatArray:
-        place, turn = odometry.pose.position, odometry.pose.orientation
-        return np.array([place.x, place.y, 2.0 * np.arctan2(turn.z, turn.w)])
-
-    def _from_start(self, odometry: FloatArray) -> FloatArray:
-        """Return an odometry pose as one in the world, the same at the last reset."""
-        start, origin = self._anchor
-        place = to_world(to_frame(odometry[:2], origin), start)
-        yaw = wrap_angle(start[2] + odometry[2] - origin[2])
-        return np.array([*place, float(yaw)])
 
 
 def _add_pose(

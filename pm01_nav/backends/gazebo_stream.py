@@ -11,12 +11,6 @@ KEPT = 64
 """Messages of a topic that wait to be read."""
 
 
-def stamp_of(message: Any) -> int:
-    """Return the simulation time of a message with a header [ns]."""
-    stamp = message.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nsec)
-
-
 class SilentError(Exception):
     """Nothing came in time that was new enough."""
 

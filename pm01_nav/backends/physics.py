@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pm01_nav.backends.engine import Engine, Motion, Scenario, View, ticks_in
+from pm01_nav.backends.engine import MakeEngine, Motion, Scenario, View, ticks_in
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import engine_kernels
@@ -33,11 +33,11 @@ class PhysicsSimulator(PlanarSimulator):
     """
 
     def __init__(
-        self, engine: type[Engine], robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+        self, make: MakeEngine, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
     ) -> None:
         """Allocate the batch; ``how`` is as for ``PlanarSimulator``."""
         super().__init__(robot, pool, num_envs, **how)
-        self._engine = engine(robot, pool.worlds, num_envs, self.control_dt)
+        self._engine = make(robot, pool.worlds, num_envs, self.control_dt)
         self._motion = Motion.of(num_envs)
 
     def perturb(self, ranges: Perturbation) -> None:

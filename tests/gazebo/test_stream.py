@@ -5,18 +5,12 @@ from __future__ import annotations
 
 import threading
 import time
-from types import SimpleNamespace
 
 import pytest
 
-from pm01_nav.backends.gazebo_stream import KEPT, SilentError, StampedStream, stamp_of
+from pm01_nav.backends.gazebo_stream import KEPT, SilentError, StampedStream
 
 SECOND = 1_000_000_000
-
-
-def test_stamps_are_nanoseconds() -> None:
-    header = SimpleNamespace(stamp=SimpleNamespace(sec=12, nsec=304_000_000))
-    assert stamp_of(SimpleNamespace(header=header)) == 12_304_000_000
 
 
 def test_an_old_scan_is_not_taken_for_the_new_one() -> None:
