@@ -52,7 +52,7 @@ def twist_of(odometry: Any) -> FloatArray:
 
 
 def pose_since(start: FloatArray, origin: FloatArray, odometry: FloatArray) -> FloatArray:
-    """Return an odometry pose as one in the world, which was ``start`` when odometry was ``origin``.
+    """Return an odometry pose as one in the world: ``start`` where odometry was ``origin``.
 
     All are x, y, yaw [m, m, rad], shape (3,).
     """
