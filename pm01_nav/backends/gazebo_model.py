@@ -188,7 +188,8 @@ def _add_hull(base: Element, body: BodyModel) -> None:
 
 def _add_lidar(base: Element, robot: RobotSpec, body: BodyModel, rate: float) -> None:
     lidar, shift = robot.lidar, seam_shift(robot)
-    look = SubElement(base, "visual", name="lidar")
+    # Another name than the sensor's: in the scene both are one kind of thing.
+    look = SubElement(base, "visual", name="lidar_body")
     fill(look, pose=text_of((*body.lidar, 0, 0, 0)))
     add_cylinder(look, 0.25 * body.radius, 0.04)
     _show(look, DARK)

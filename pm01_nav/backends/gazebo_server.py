@@ -101,9 +101,10 @@ class GazeboServer:
         self._wake = self._node.advertise(GZ_WAKE, StringMsg)
         self._waked = 0
         self._fixture = TestFixture(str(world))
-        self._fixture.on_post_update(self._look).finalize()
+        self._fixture.on_post_update(self._look)
+        self._fixture.finalize()
         self._server = self._fixture.server()
-        if not self._server.has_entity(names.ROBOT):
+        if not self._server.has_entity(names.ROBOT, 0):
             raise InputError("Gazebo started without the robot; see its log")
         # The first step makes the scene, before which no scan is of use.
         self._step(np.zeros((setup.ticks, 0, 2)))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -25,6 +26,8 @@ Opener = Callable[[Path, Setup], Server]
 
 ANSWER_TIMEOUT_S = 60.0
 """A server that does not answer for so long has died in a way of its own."""
+COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+"""What a terminal makes colours of."""
 LAST_LINES = 3
 """Of the log, in messages."""
 _NUMBERS = count()
@@ -112,7 +115,7 @@ class GazeboWorker:
         except subprocess.TimeoutExpired:
             ended = ""
         text = self._log.read_text(encoding="utf-8", errors="replace")
-        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        lines = [line.strip() for line in COLOURS.sub("", text).splitlines() if line.strip()]
         said = "; ".join(lines[-LAST_LINES:])
         return ended + (f"; Gazebo says: {said}" if said else "")
 
