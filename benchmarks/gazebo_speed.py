@@ -19,15 +19,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gazebo_bare import open_bare
 from report import write_report
 
 from pm01_nav.arrays import NUMPY
 from pm01_nav.backends import make_simulator
-from pm01_nav.backends.engine import Scenario
 from pm01_nav.backends.gazebo import GazeboEngine, GazeboSimulator
-from pm01_nav.backends.gazebo_exchange import Reading, Setup
-from pm01_nav.backends.gazebo_model import SCAN
-from pm01_nav.backends.gazebo_worker import open_gazebo
 from pm01_nav.robot import load_robot
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
@@ -35,39 +32,8 @@ from pm01_nav.worlds.pool import WorldPool
 
 OBSTACLES = 20
 CONTROL_DT = 0.1
-BARE_LOOPS = 200
-
-
-class BareServer:
-    """A server whose step is a loop of ``run`` and a wait for its scan, many times over."""
-
-    def __init__(self, world: Path, setup: Setup) -> None:
-        """Start the usual server, then use what is under it."""
-        self._inner: Any = open_gazebo(world, setup)
-        self._setup = setup
-
-    def reset(
-        self, scenario: Scenario, obstacles: str | None, mover_radii: np.ndarray | None
-    ) -> Reading:
-        """Reset as usual."""
-        return self._inner.reset(scenario, obstacles, mover_radii)
-
-    def bare_loop(self, loops: int) -> float:
-        """Return real seconds of so many control steps."""
-        inner, setup = self._inner, self._setup
-        iterations = setup.ticks * setup.iterations
-        began = time.perf_counter()
-        for _ in range(loops):
-            inner._left = 0
-            inner._server.run(True, iterations, False)
-            inner._time_ns += round(setup.control_dt * 1e9)
-            inner._scans.wait(inner._time_ns, 20.0)
-        return time.perf_counter() - began
-
-
-def open_bare(world: Path, setup: Setup) -> Any:
-    """Start a server for the bare loop in the process that this is called in."""
-    return BareServer(world, setup)
+LOOPS = 60
+"""Control steps of each repeat."""
 
 
 def worlds() -> WorldPool:
@@ -96,8 +62,8 @@ def bare(pool: WorldPool) -> Callable[[], float]:
     worker = worker._robots[0]._worker
 
     def measure() -> float:
-        worker.send("bare_loop", BARE_LOOPS)
-        return BARE_LOOPS * CONTROL_DT / worker.receive()
+        worker.send("bare_loop", LOOPS)
+        return LOOPS * CONTROL_DT / worker.receive()
 
     # Whoever measures keeps the simulator alive.
     measure.simulator = simulator  # type: ignore[attr-defined]
@@ -111,9 +77,9 @@ def stepped(simulator: GazeboSimulator) -> Callable[[], float]:
 
     def measure() -> float:
         began = time.perf_counter()
-        for _ in range(BARE_LOOPS):
+        for _ in range(LOOPS):
             simulator.step(rng.uniform([-0.2, -1.5], [0.5, 1.5], (count, 2)))
-        return count * BARE_LOOPS * CONTROL_DT / (time.perf_counter() - began)
+        return count * LOOPS * CONTROL_DT / (time.perf_counter() - began)
 
     return measure
 
@@ -180,7 +146,6 @@ def main() -> None:
         "two_to_one": round(medians["two_robots"] / medians["one_robot"], 2),
         "steps_per_second": {n: round(m / CONTROL_DT, 1) for n, m in medians.items()},
         "resets": reset_often(one, options.resets),
-        "topic": SCAN,
     }
     write_report(options.out, results)
 

@@ -13,7 +13,12 @@ from pm01_nav.backends.engine import Motion, Scenario, View, ticks_in
 from pm01_nav.backends.gazebo_exchange import Reading, Setup
 from pm01_nav.backends.gazebo_model import server_world
 from pm01_nav.backends.gazebo_robot import GazeboRobot
-from pm01_nav.backends.gazebo_worker import Opener, ServerLostError, open_gazebo
+from pm01_nav.backends.gazebo_worker import (
+    Opener,
+    ServerLostError,
+    cores_of,
+    open_gazebo,
+)
 from pm01_nav.backends.physics import PhysicsSimulator
 from pm01_nav.geometry import to_frame
 from pm01_nav.robot import RobotSpec
@@ -75,7 +80,9 @@ class GazeboEngine:
         setup = Setup(robot.lidar.num_beams, robot.wheels.radius, ticks, iterations, dt)
         sdf = server_world(robot, dt, control_dt)
         self._worlds = worlds
-        self._robots = [GazeboRobot(sdf, setup, self.opener) for _ in range(num_envs)]
+        self._robots = [
+            GazeboRobot(sdf, setup, self.opener, cores_of(i, num_envs)) for i in range(num_envs)
+        ]
         self.odometry = Motion.of(num_envs)
         """Where the robots are and how fast, by their wheels since the last reset."""
         self._ranges = np.zeros((num_envs, robot.lidar.num_beams), dtype=np.float32)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pm01_nav.backends.engine import Scenario, View
 from pm01_nav.backends.gazebo_exchange import Reading, Setup
 from pm01_nav.backends.gazebo_model import obstacles_model
-from pm01_nav.backends.gazebo_worker import GazeboWorker, Opener, ServerLostError
+from pm01_nav.backends.gazebo_worker import Cores, GazeboWorker, Opener, ServerLostError
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.world import World
 
@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 MOST_RESTARTS = 1
 """Of a robot's server after its process died; then something is wrong with the machine."""
 
-Kind = tuple[int, str, Setup, Opener]
+Kind = tuple[int, str, Setup, Opener, Cores]
 
 
 class IdleServers:
@@ -32,20 +32,22 @@ class IdleServers:
         """Have none yet."""
         self._workers: defaultdict[Kind, list[GazeboWorker]] = defaultdict(list)
 
-    def take(self, sdf: str, setup: Setup, opener: Opener) -> GazeboWorker:
+    def take(self, sdf: str, setup: Setup, opener: Opener, cores: Cores) -> GazeboWorker:
         """Return a server that is left or a new one."""
         # A process that was forked must not talk to its parent's servers.
-        left = self._workers[os.getpid(), sdf, setup, opener]
+        left = self._workers[os.getpid(), sdf, setup, opener, cores]
         while left:
             worker = left.pop()
             if worker.idle:
                 return worker
-        return GazeboWorker(sdf, setup, opener)
+        return GazeboWorker(sdf, setup, opener, cores)
 
-    def give_back(self, worker: GazeboWorker, sdf: str, setup: Setup, opener: Opener) -> None:
+    def give_back(
+        self, worker: GazeboWorker, sdf: str, setup: Setup, opener: Opener, cores: Cores
+    ) -> None:
         """Keep a server for the next robot, if it still answers."""
         if worker.idle:
-            self._workers[os.getpid(), sdf, setup, opener].append(worker)
+            self._workers[os.getpid(), sdf, setup, opener, cores].append(worker)
         else:
             worker.close()
 
@@ -63,9 +65,9 @@ IDLE = IdleServers()
 class GazeboRobot:
     """One robot and its server."""
 
-    def __init__(self, sdf: str, setup: Setup, opener: Opener) -> None:
+    def __init__(self, sdf: str, setup: Setup, opener: Opener, cores: Cores) -> None:
         """Start a server on the world ``sdf``, or take one that is left."""
-        self._kind = (sdf, setup, opener)
+        self._kind = (sdf, setup, opener, cores)
         self._restarts = 0
         self._reset: tuple[Scenario, World] | None = None
         self._take()

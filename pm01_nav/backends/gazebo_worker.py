@@ -24,6 +24,9 @@ from pm01_nav.errors import InputError
 Opener = Callable[[Path, Setup], Server]
 """Starts a server on an SDF file, in the process that it is called in."""
 
+Cores = frozenset[int]
+"""Numbers of the processor's cores that a server runs on; none leaves that to the system."""
+
 ANSWER_TIMEOUT_S = 60.0
 """A server that does not answer for so long has died in a way of its own."""
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
@@ -40,7 +43,7 @@ class ServerLostError(Exception):
 class GazeboWorker:
     """A server that answers from a process of its own."""
 
-    def __init__(self, world: str, setup: Setup, opener: Opener) -> None:
+    def __init__(self, world: str, setup: Setup, opener: Opener, cores: Cores) -> None:
         """Start the process; ``world`` is the SDF text that the server begins with.
 
         It is ready when ``receive`` returns for the first time.
@@ -49,7 +52,11 @@ class GazeboWorker:
         path, self._log = Path(folder.name) / "world.sdf", Path(folder.name) / "log.txt"
         path.write_text(world, encoding="utf-8")
         ours, theirs = socket.socketpair()
-        own = {"GZ_PARTITION": f"pm01_{os.getpid()}_{next(_NUMBERS)}"}
+        own = {
+            "GZ_PARTITION": f"pm01_{os.getpid()}_{next(_NUMBERS)}",
+            # The server finds the modules that we find.
+            "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),
+        }
         with self._log.open("wb") as log, theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", __name__, str(theirs.fileno())],
@@ -64,7 +71,7 @@ class GazeboWorker:
         self._connection = Connection(ours.detach())
         self._waiting = 0
         self._close = weakref.finalize(self, _stop, self._process, self._connection, folder)
-        self.send(opener, path, setup)
+        self.send(opener, cores, path, setup)
 
     @property
     def process_id(self) -> int:
@@ -120,6 +127,21 @@ class GazeboWorker:
         return ended + (f"; Gazebo says: {said}" if said else "")
 
 
+def cores_of(number: int, num_servers: int) -> Cores:
+    """Return the cores for one of so many servers that run at the same time.
+
+    A server's threads wait for each other hundreds of times in a control step. On a core of its own
+    that is quicker than across cores, and servers do not get into each other's way. Half of the
+    cores are left to those who step them, where there are enough.
+    """
+    if not hasattr(os, "sched_getaffinity"):
+        return frozenset()
+    allowed = sorted(os.sched_getaffinity(0))
+    each = max(1, len(allowed) // (2 * num_servers))
+    first = number * each
+    return frozenset(allowed[(first + k) % len(allowed)] for k in range(each))
+
+
 def open_gazebo(world: Path, setup: Setup) -> Server:
     """Start Gazebo's server in this process; see ``GazeboServer``."""
     from pm01_nav.backends.gazebo_server import GazeboServer
@@ -130,7 +152,9 @@ def open_gazebo(world: Path, setup: Setup) -> Server:
 def serve(connection: Connection) -> None:
     """Open a server, then answer one request after the other until nobody asks any more."""
     try:
-        opener, arguments = connection.recv()
+        opener, (cores, *arguments) = connection.recv()
+        if cores:
+            os.sched_setaffinity(0, cores)
         server = opener(*arguments)
         connection.send(None)
         while True:

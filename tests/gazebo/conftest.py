@@ -40,9 +40,7 @@ def hall() -> World:
 @pytest.fixture
 def played(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., GazeboSimulator]]:
     """Return a function that makes robots whose servers play their part (``played_server``)."""
-    folder = str(Path(__file__).parent)
-    monkeypatch.syspath_prepend(folder)
-    monkeypatch.setenv("PYTHONPATH", folder, prepend=":")
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
     import played_server
 
     def make(opener: str, num_envs: int = 1, worlds: tuple[World, ...] = (HALL,)):
