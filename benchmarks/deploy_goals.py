@@ -11,13 +11,11 @@ It needs ROS 2 with pm01_rl, nav2_msgs and rosbridge_server. Each goal is one ep
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,10 +26,9 @@ from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from report import write_report
 from std_msgs.msg import UInt32
 from std_srvs.srv import Trigger
-
-from pm01_nav.provenance import provenance
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PORT = 9187
@@ -175,15 +172,13 @@ def main() -> None:
     parser.add_argument("--goals", type=int, default=50)
     parser.add_argument("--factor", type=float, default=4.0)
     parser.add_argument("--ways", nargs="+", default=["rclpy", "dds", "rosbridge"])
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--out", required=True)
     arguments = parser.parse_args()
     rclpy.init()
-    command = f"python benchmarks/deploy_goals.py --policy POLICY --goals {arguments.goals}"
     results = []
     for way in arguments.ways:
         results.append(measure(way, arguments.policy, arguments.goals, arguments.factor))
-        report = {"results": results} | provenance() | {"command": command}
-        arguments.out.write_text(json.dumps(report, indent=2) + "\n")
+        write_report(arguments.out, {"results": results})
     rclpy.shutdown()
 
 

@@ -12,8 +12,7 @@ import pytest
 
 from pm01_nav.deploy.base_fit import fit_base
 from pm01_nav.deploy.lidar_fit import fit_noise
-from pm01_nav.deploy.messages import Scan
-from pm01_nav.deploy.ros_messages import from_json, odometry_from_ros
+from pm01_nav.deploy.messages import Scan, from_json, odometry_from_ros
 from pm01_nav.deploy.scan_matching import match
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame
