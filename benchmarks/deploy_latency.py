@@ -7,7 +7,7 @@
 ``direct`` is the controller alone: the scan is taken in, then comes a control step. ``node`` is the
 policy node through rclpy: from before a ``LaserScan`` is published until the ``Twist`` is received,
 both by a node in the same process. The timer, which lets a scan wait for the next control step, is
-off there: each scan is answered at once. It is measured where ROS 2 and pm01_rl are installed.
+off there: each scan is answered at once.
 """
 
 from __future__ import annotations
@@ -19,25 +19,21 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped, Twist
+from nav_msgs.msg import Odometry as OdometryMessage
+from pm01_rl.conversions import odometry_message, scan_message, time_message
+from pm01_rl.policy_node import PolicyNode
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
 from report import write_report
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan
 
 from pm01_nav.deploy.assembly import load_controller
 from pm01_nav.deploy.controller import Goal
 from pm01_nav.deploy.simulated_robot import SimulatedRobot, simulated_robot
-
-try:
-    import rclpy
-    from geometry_msgs.msg import PoseStamped, Twist
-    from nav_msgs.msg import Odometry as OdometryMessage
-    from pm01_rl.conversions import odometry_message, scan_message, time_message
-    from pm01_rl.policy_node import PolicyNode
-    from rclpy.executors import SingleThreadedExecutor
-    from rclpy.parameter import Parameter
-    from rclpy.qos import qos_profile_sensor_data
-    from rosgraph_msgs.msg import Clock
-    from sensor_msgs.msg import LaserScan
-except ImportError:
-    rclpy = None
 
 WARM_UP = 100
 """The first steps are not counted: caches fill, and DDS finds its peers."""
@@ -161,8 +157,7 @@ def main() -> None:
     arguments = parser.parse_args()
     os.sched_setaffinity(0, {0})
     results = {"direct": direct(arguments.policy, arguments.steps)}
-    if rclpy is not None:
-        results["node"] = through_node(arguments.policy, arguments.steps)
+    results["node"] = through_node(arguments.policy, arguments.steps)
     write_report(arguments.out, results)
 
 

@@ -38,14 +38,13 @@ def launched(rclpy, policy_file):
     process.wait()
 
 
-def process_of(executable: str) -> int:
-    """Return the id of the process that runs one of pm01_rl's executables in our domain."""
-    ours = f"ROS_DOMAIN_ID={os.environ['ROS_DOMAIN_ID']}"
-    for folder in Path("/proc").glob("[0-9]*"):
-        words = (folder / "cmdline").read_bytes().split(b"\0")
-        here = ours.encode() in (folder / "environ").read_bytes().split(b"\0")
-        if here and any(word.endswith(f"/pm01_rl/{executable}".encode()) for word in words):
-            return int(folder.name)
+def process_of(launch: subprocess.Popen, executable: str) -> int:
+    """Return the id of the process in which a launch runs one of pm01_rl's executables."""
+    children = Path(f"/proc/{launch.pid}/task/{launch.pid}/children").read_text().split()
+    for process in children:
+        words = Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0")
+        if any(word.endswith(f"/pm01_rl/{executable}".encode()) for word in words):
+            return int(process)
     raise AssertionError(f"{executable} does not run")
 
 
@@ -56,7 +55,7 @@ def test_a_killed_policy_stops_the_robot(launched, watcher):
     watcher.create_subscription(Odometry, "/odom", lambda m: speed.append(m.twist.twist), 10)
     watcher.send_goal()
     assert watcher.wait_for(lambda: bool(speed) and speed[-1].linear.x > 0.1)
-    os.kill(process_of("policy_node"), signal.SIGKILL)
+    os.kill(process_of(launched, "policy_node"), signal.SIGKILL)
     killed = time.monotonic()
     assert watcher.wait_for(lambda: watcher.commands[-1][1].linear.x == 0.0, 5.0)
     # The watchdog's 0.15 s of simulated time, at 4 times real time; the rest is a busy machine's.

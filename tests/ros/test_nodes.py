@@ -11,6 +11,8 @@ import time
 def call(node, kind, name, request):
     client = node.create_client(kind, name)
     assert node.wait_for(client.service_is_ready)
+    # The service is seen before it sees us, and an answer to nobody is lost.
+    node.wait_for(lambda: False, 0.5)
     future = client.call_async(request)
     assert node.wait_for(future.done)
     return future.result()
@@ -235,3 +237,35 @@ def test_a_stamped_command_passes_the_watchdog(start, watcher):
 
     assert watcher.wait_for(told)
     assert watcher.wait_for(lambda: heard[-1].twist.linear.x == 0.0, 5.0)
+
+
+def test_a_transform_that_is_published_no_longer_stops_the_robot(start, watcher, policy_file):
+    from geometry_msgs.msg import TransformStamped
+    from tf2_msgs.msg import TFMessage
+
+    start("sim_node", world="empty")
+    start("policy_node", policy=policy_file, autostart="true")
+    publisher = watcher.create_publisher(TFMessage, "/tf", 10)
+    last = []
+
+    def publish() -> None:
+        # Dated 2 s ahead, as localisation does so that nobody has to wait for it.
+        stamp = time.time() + 2.0
+        transform = TransformStamped(child_frame_id="elsewhere")
+        transform.header.frame_id = "odom"
+        transform.header.stamp.sec = int(stamp)
+        transform.header.stamp.nanosec = int(1e9 * (stamp % 1.0))
+        publisher.publish(TFMessage(transforms=[transform]))
+        last.append(time.monotonic())
+
+    timer = watcher.create_timer(0.05, publish)
+    watcher.send_goal(frame="elsewhere")
+    assert watcher.wait_for(lambda: moves(watcher))
+    assert not watcher.wait_for(lambda: not moves(watcher), 1.5)
+    timer.cancel()
+    assert watcher.wait_for(lambda: not moves(watcher), 5.0)
+    # It may be 1 s old from its arrival on, whatever its date; a step is 0.1 s.
+    assert watcher.commands[-1][0] - last[-1] < 2.0
+    # It goes on when the transform comes again.
+    timer.reset()
+    assert watcher.wait_for(lambda: moves(watcher))
