@@ -78,7 +78,9 @@ def seen_share(scan: Scan, mount_yaw: float) -> tuple[float, float]:
     which looks there would have.
     """
     ranges = np.asarray(scan.ranges)
-    angles: FloatArray = mount_yaw + scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+    angles: FloatArray = (
+        mount_yaw + scan.angle_min + scan.angle_increment * np.arange(len(ranges), dtype=np.float64)
+    )
     ahead = np.abs(wrap_angle(angles[~np.isnan(ranges)]))
     wanted = 2.0 * CONE / abs(scan.angle_increment) if scan.angle_increment else math.inf
     counts = (np.count_nonzero(ahead <= CONE), np.count_nonzero(ahead >= math.pi - CONE))

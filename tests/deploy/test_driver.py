@@ -159,6 +159,32 @@ def test_a_simulated_clock_that_goes_back_stops_the_robot(drive, link):
     assert link.commands[-1] == (0.0, 0.0)
 
 
+def test_a_backlog_is_not_driven_through(drive, link):
+    """A driver that woke up late must not repeat the past, step by step, on a robot that went on."""
+    link._live = lambda: None
+    distances = []
+
+    def open_(inbox) -> None:
+        link.inbox = inbox
+        # One second of the robot's time, all there at once: clock, odometry and scan.
+        for step in range(21):
+            now = 100.0 + 0.05 * step
+            whole = int(now)
+            stamp = NS(sec=whole, nanosec=round(1e9 * (now - whole)))
+            inbox.put("clock", NS(clock=stamp))
+            link.x = 0.02 * step
+            link.speak(now)
+
+    def listen(driver, status):
+        distances.append(status.goal_distance)
+        driver.end()
+
+    link.open = open_
+    drive(iter([Goal(2.0, 0.0)]), listen, sim_time=True)
+    # The first step sees where the robot is by the end of it: 0.4 m on.
+    assert distances[0] == pytest.approx(1.6, abs=0.02)
+
+
 def test_behind_a_link_that_falls_behind_the_robot_stands(drive, link):
     statuses = []
 
