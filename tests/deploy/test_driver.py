@@ -160,7 +160,7 @@ def test_a_simulated_clock_that_goes_back_stops_the_robot(drive, link):
 
 
 def test_a_backlog_is_not_driven_through(drive, link):
-    """A driver that woke up late must not repeat the past, step by step, on a robot that went on."""
+    """A driver that woke up late must not repeat the past while the robot goes on."""
     link._live = lambda: None
     distances = []
 
