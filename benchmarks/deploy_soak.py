@@ -15,13 +15,17 @@ import os
 import resource
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import rclpy
+from action_msgs.msg import GoalStatus
 from deploy_goals import LATCHED, start
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
+from nav2_msgs.action import NavigateToPose
+from rclpy.action import ActionClient
 from rclpy.node import Node
 from report import write_report
 from std_msgs.msg import UInt32
@@ -48,19 +52,19 @@ class Judge(Node):
     def __init__(self) -> None:
         """Listen to diagnostics, goals and collisions."""
         super().__init__("judge")
-        self.time, self.text, self.values = 0.0, "", {}
+        self.time, self.values = 0.0, {}
         self.goal: PoseStamped | None = None
         self.collisions = 0
         self.reset = self.create_client(Trigger, "/sim_node/reset")
-        self.goals = self.create_publisher(PoseStamped, "/goal_pose", 1)
+        self.action = ActionClient(self, NavigateToPose, "/navigate_to_pose")
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 1)
         self.create_subscription(PoseStamped, "/sim_node/goal", self._on_goal, LATCHED)
         self.create_subscription(UInt32, "/sim_node/collisions", self._on_collisions, LATCHED)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        stamp, entry = message.header.stamp, message.status[0]
-        self.time, self.text = stamp.sec + 1e-9 * stamp.nanosec, entry.message
-        self.values = {pair.key: pair.value for pair in entry.values}
+        stamp = message.header.stamp
+        self.time = stamp.sec + 1e-9 * stamp.nanosec
+        self.values = {pair.key: pair.value for pair in message.status[0].values}
 
     def _on_goal(self, message: PoseStamped) -> None:
         self.goal = message
@@ -72,16 +76,24 @@ class Judge(Node):
         """Drive to one goal; tell whether the robot arrived."""
         self.goal = None
         self.reset.call_async(Trigger.Request())
-        while self.goal is None:
-            rclpy.spin_once(self, timeout_sec=0.1)
-        self.goals.publish(self.goal)
+        self._spin(lambda: self.goal is not None, 30.0)
+        # The reset is a jump of odometry, which ends goals.
         began = self.time
-        # Diagnostics come once a second: the goal has been taken by the second of them.
-        while self.time - began < TIME_LIMIT_S:
+        self._spin(lambda: self.time > began + 1.5, 30.0)
+        sent = self.action.send_goal_async(NavigateToPose.Goal(pose=self.goal))
+        self._spin(sent.done, 30.0)
+        ended = sent.result().get_result_async()
+        if not self._spin(ended.done, TIME_LIMIT_S):
+            self._spin(sent.result().cancel_goal_async().done, 30.0)
+            self._spin(ended.done, 30.0)
+        return ended.result().status == GoalStatus.STATUS_SUCCEEDED
+
+    def _spin(self, condition: Callable[[], bool], seconds: float) -> bool:
+        """Handle messages until something holds, or for so long of simulated time."""
+        began = self.time
+        while not condition() and self.time - began < seconds:
             rclpy.spin_once(self, timeout_sec=0.1)
-            if self.time - began > 2.0 and self.text == "no goal":
-                return True
-        return False
+        return condition()
 
 
 def soak(judge: Judge, pids: dict[str, int], seconds: float) -> dict[str, Any]:
