@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 def command(policy: str, **options: Any) -> None:
     """Drive a robot by POLICY.onnx under the safety supervisor, until Ctrl-C; then it stands.
 
-    A --goal that is given up (emergency stop, jump, lost connection) ends the drive with code 1.
+    A --goal that is given up (emergency stop, jump, ten seconds without data) ends it with code 1.
 
     \b
       pm01 drive policy.onnx --dds --goal 3 0

@@ -34,7 +34,9 @@ if TYPE_CHECKING:
     from pm01_nav.robot import RobotSpec
 
 ENDS_THE_GOAL = frozenset((Reason.EMERGENCY_STOP, Reason.CLOCK_JUMP, Reason.ODOMETRY_JUMP))
-"""After these the robot does not start again by itself."""
+"""After these the robot does not start again by itself..."""
+GIVE_UP_S = 10.0
+"""... nor when anything else made it stand for so long: nobody expects it to move any more [s]."""
 
 
 class Status(NamedTuple):
@@ -93,6 +95,8 @@ class Controller:
         self.goal: Goal | None = None
         self._fitter = ScanFitter(geometry)
         self._scan: Scan | None = None
+        self._sound: float | None = None
+        """When last there was no goal, or nothing that made the robot stand [s]."""
         self.failure: str | None = None
         """Why the policy gave no command in the last step; None if it did."""
 
@@ -155,6 +159,8 @@ class Controller:
         supervisor, goal = self.supervisor, self.goal
         ages = {"transform_age": transform_age, "link_age": link_age}
         faults = supervisor.faults(now, goal=goal is not None, **ages)
+        if goal is None or not faults or self._sound is None:
+            self._sound = now
         in_base = None if goal is None else self._in_base(goal, now)
         distance = math.nan if in_base is None else float(np.hypot(*in_base))
         arrived = not faults and distance <= self.goal_radius
@@ -164,7 +170,8 @@ class Controller:
         if not faults and not arrived and in_base is not None:
             proposed = self._ask(in_base)
         verdict = supervisor.supervise(proposed, now, goal=self.goal is not None, **ages)
-        dropped = self.goal is not None and not ENDS_THE_GOAL.isdisjoint(verdict.reasons)
+        ends = now - self._sound > GIVE_UP_S or not ENDS_THE_GOAL.isdisjoint(verdict.reasons)
+        dropped = self.goal is not None and ends
         if dropped:
             self.goal = None
         return Status(verdict, distance, arrived, dropped)

@@ -52,7 +52,7 @@ class Driver:
         """Drive to ``goals``, one after the other, or to those from the topic until ``end``.
 
         ``listener`` hears of every step. Of ``goals`` the first that is given up is the last: what
-        made the robot give it up, an emergency stop, a jump, a lost connection, may have moved all.
+        made the robot give it up, an emergency stop, a jump, a long silence, may have moved it all.
         The robot stands afterwards.
         """
         watchdog = Watchdog(lambda: self._link.tell(STOP))
@@ -111,10 +111,6 @@ class Driver:
 
     def _handle(self, event: Event) -> None:
         controller, message = self.controller, event.message
-        if event.kind == "lost":
-            # What was measured before the connection was lost says nothing of what comes after.
-            controller.cancel()
-            return
         arrived = self._clock if self._sim_time else event.arrived
         if self._record is not None:
             self._record.event(event.kind, message, arrived)

@@ -33,9 +33,9 @@ class Event(NamedTuple):
     """Something that came from the robot."""
 
     kind: str
-    """scan, odometry, goal, emergency_stop, clock or lost."""
+    """scan, odometry, goal, emergency_stop or clock."""
     message: Any
-    """With ROS's field names, for ``messages`` to read; None for lost alone."""
+    """With ROS's field names, for ``messages`` to read."""
     arrived: float
     """By the monotonic clock [s]."""
 

@@ -60,7 +60,7 @@ class RosbridgeLink:
         factory.initialDelay = factory.delay = FIRST_PAUSE_S
         factory.maxDelay = LONGEST_PAUSE_S
         factory.setProtocolOptions(autoPingInterval=PING_S, autoPingTimeout=PING_S)
-        ros.on("close", lambda _: self._lost(inbox))
+        ros.on("close", self._on_close)
         topics = self.topics
         for kind, name, message, kept in (
             ("clock", topics.clock, "rosgraph_msgs/Clock", 1),
@@ -88,9 +88,8 @@ class RosbridgeLink:
         """Return how long ago the newest number was sent that has come back [s]."""
         return time.monotonic() - self._echoed
 
-    def _lost(self, inbox: Inbox) -> None:
+    def _on_close(self, _: Any) -> None:
         self.losses += 1
-        inbox.put("lost", None)
 
     def tell(self, command: Command) -> None:
         """Send a command, unless there is no connection: kept ones would come much too late."""

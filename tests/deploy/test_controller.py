@@ -147,6 +147,21 @@ def test_a_clock_that_jumps_drops_the_goal(controller, make_scan):
     assert controller.goal is None
 
 
+def test_a_robot_that_had_to_stand_for_long_does_not_start_by_itself(
+    controller, make_scan, make_odometry
+):
+    controller.set_goal(Goal(0.0, 5.0))
+    controller.step(5.0)
+    # 9 s of silence are waited for; what comes then lets it go on. 10 s more are too long.
+    assert not controller.step(14.0).dropped
+    controller.see_odometry(make_odometry(14.1, pose=(1.0, 2.0, math.pi / 2)), 14.1)
+    controller.see_scan(make_scan(14.1), 14.1)
+    assert controller.step(14.1).verdict.command[0] > 0.0
+    assert not controller.step(24.0).dropped
+    assert controller.step(24.2).dropped
+    assert controller.goal is None
+
+
 def test_a_policy_that_raises_stops_the_robot_and_says_why(controller, policy):
     policy.answer = None
     controller.set_goal(Goal(0.0, 5.0))

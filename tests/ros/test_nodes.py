@@ -269,3 +269,21 @@ def test_a_transform_that_is_published_no_longer_stops_the_robot(start, watcher,
     # It goes on when the transform comes again.
     timer.reset()
     assert watcher.wait_for(lambda: moves(watcher))
+
+
+def test_rviz_is_shown_what_the_policy_sees(start, watcher, policy_file):
+    from visualization_msgs.msg import MarkerArray
+
+    shown = []
+    watcher.create_subscription(MarkerArray, "/policy_node/markers", shown.append, 1)
+    start("policy_node", policy=policy_file, autostart="true")
+    # Without a scan there are no beams to draw.
+    assert watcher.wait_for(lambda: bool(shown))
+    assert list(shown[-1].markers[0].points) == []
+    start("sim_node", world="static")
+    watcher.send_goal()
+    assert watcher.wait_for(lambda: len(shown[-1].markers[0].points) > 0)
+    beams, goal, state = shown[-1].markers
+    # Each of PM01's 36 sectors of 10 beams is a line from the lidar to the nearest return.
+    assert len(beams.points) == 2 * 36
+    assert (goal.ns, state.ns) == ("goal", "state")
