@@ -35,12 +35,17 @@ class OnnxPolicy(NetworkPolicy):
             control_dt = float(self.metadata["control_dt"])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: unusable metadata: {error}") from error
-        width = session.get_inputs()[0].shape[-1]
+        inputs = {given.name: given.shape[-1] for given in session.get_inputs()}
+        width = next(iter(inputs.values()))
         if width != layout.size:
             raise InputError(f"{path}: network of {width} inputs, metadata of {layout.size}")
-        super().__init__(
-            layout, lambda batch: session.run(None, {"observation": batch})[0], control_dt
-        )
+        names, memory_size = tuple(inputs), int(inputs.get("memory", 0))
+
+        def network(*given: Any) -> Any:
+            answer = session.run(None, dict(zip(names, given, strict=True)))
+            return answer if memory_size else answer[0]
+
+        super().__init__(layout, network, control_dt, memory_size)
         if robot is not None:
             self._check_robot(robot)
 
