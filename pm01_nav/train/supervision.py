@@ -8,6 +8,7 @@ import time
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
@@ -18,9 +19,12 @@ from pm01_nav.errors import InputError
 from pm01_nav.policy.export import greedy_policy
 from pm01_nav.task.curriculum import Curriculum, apply
 from pm01_nav.task.navigation import Episodes, NavigationBatch
+from pm01_nav.task.spinning import SpinMeter
+from pm01_nav.train.advice import findings
 from pm01_nav.train.budget import Budget
 from pm01_nav.train.checkpoint import save_checkpoint, save_weights
 from pm01_nav.train.config import RunConfig
+from pm01_nav.train.curiosity import intrinsic_rewards
 from pm01_nav.train.environment import observation_statistics
 from pm01_nav.train.history import History
 from pm01_nav.train.learner import Algorithm
@@ -28,6 +32,10 @@ from pm01_nav.train.run_folder import RunFolder
 
 EVALUATION_SEED = 1_000_003
 """Worlds of the periodic evaluation; neither trained on nor those of `pm01 evaluate`."""
+WATCHED_ROBOTS = 64
+"""So many robots are looked at for spinning."""
+WARN_EVERY = 10
+"""Iterations between two looks for what goes wrong."""
 SAVING_SHARE = 0.05
 """Checkpoints with a replay buffer are large; saving takes at most this part of the time."""
 
@@ -43,6 +51,9 @@ class Progress(Protocol):
 
     def evaluated(self, steps: int, summary: dict[str, Any]) -> None:
         """Show an evaluation on held-out worlds."""
+
+    def warned(self, steps: int, text: str) -> None:
+        """Show what seems to go wrong."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +92,8 @@ class Supervision(BaseCallback):
         self._saved_at = time.perf_counter()
         self._saving_takes = 0.0
         self._rounds = 0
+        self._spin: SpinMeter | None = None
+        self._warned: set[str] = set()
         self._iteration_at: float | None = None
         self._finished = False
         self._evaluator: Evaluator | None = None
@@ -105,7 +118,21 @@ class Supervision(BaseCallback):
         env = self.training_env.unwrapped
         assert isinstance(env, NavVecEnv)
         self.note(env.last_episodes)
+        self._watch_turning(env.last_episodes)
         return True
+
+    def _watch_turning(self, episodes: Episodes | None) -> None:
+        """Follow some of the robots to see whether they spin."""
+        pose = self.batch.simulator.state.pose[:WATCHED_ROBOTS]
+        if self._spin is None:
+            self._spin = SpinMeter(pose)
+            return
+        begun = None
+        if episodes is not None:
+            begun = np.zeros(self.batch.num_envs, dtype=np.bool_)
+            begun[episodes.indices] = True
+            begun = begun[: len(pose)]
+        self._spin.note(pose, begun)
 
     def note(self, episodes: Episodes | None) -> None:
         """Note the training episodes that ended, if any."""
@@ -144,14 +171,28 @@ class Supervision(BaseCallback):
         duration = time.perf_counter() - self._iteration_at
         rate = self.config.train.hyperparameters.samples / duration
         metrics = self.curriculum.metrics()
-        row = self.history.end_iteration(self.budget.seconds, self.num_timesteps, metrics)
+        more = {"spinning": self._spin.share()} if self._spin else None
+        row = self.history.end_iteration(self.budget.seconds, self.num_timesteps, metrics, more)
+        self._warn()
         apply(self.curriculum, self.batch)
         for name, value in row.items():
             self.logger.record(name if "/" in name else f"train_episodes/{name}", value)
         self.logger.record("time/steps_per_second", rate)
+        for intrinsic in intrinsic_rewards(getattr(self._learner, "env", None)).values():
+            for name, value in intrinsic.metrics.items():
+                self.logger.record(name, value)
         self.progress.iteration(self.budget.fraction(), row, rate)
         if isinstance(self._learner, OffPolicyAlgorithm):
             self._learner.dump_logs()  # The others do it themselves after the next rollout.
+
+    def _warn(self) -> None:
+        """Say what seems to go wrong, each thing once."""
+        if len(self.history.columns["seconds"]) % WARN_EVERY:
+            return
+        for name, text in findings(self.history.columns).items():
+            if name not in self._warned:
+                self._warned.add(name)
+                self.progress.warned(self.num_timesteps, text)
 
     def evaluate(self) -> None:
         """Measure the greedy policy on held-out worlds; keep it if it is the best so far."""
@@ -190,6 +231,8 @@ class Supervision(BaseCallback):
             "best": self.best,
             "next_evaluation": self._next_evaluation,
             "seconds": self.budget.seconds,
+            "spin": self._spin.state_dict() if self._spin else None,
+            "warned": sorted(self._warned),
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -209,6 +252,10 @@ class Supervision(BaseCallback):
         apply(self.curriculum, self.batch)
         self.best = state["best"]
         self._next_evaluation = state["next_evaluation"]
+        self._warned = set(state["warned"])
+        if state["spin"] is not None:
+            self._spin = SpinMeter(self.batch.simulator.state.pose[:WATCHED_ROBOTS])
+            self._spin.load_state_dict(state["spin"])
 
     def result(self) -> TrainResult:
         """Return how the run ended."""
