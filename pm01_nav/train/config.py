@@ -21,6 +21,7 @@ from pm01_nav.train.algorithm_config import (
     TD3Config,
     TQCConfig,
 )
+from pm01_nav.train.curiosity_config import ICMConfig, RNDConfig
 
 AlgorithmName = Literal["ppo", "ppo_lstm", "sac", "td3", "tqc"]
 
@@ -59,6 +60,12 @@ class TrainConfig(FrozenModel):
     sac: SACConfig = SACConfig.model_validate({})
     td3: TD3Config = TD3Config.model_validate({})
     tqc: TQCConfig = TQCConfig.model_validate({})
+    track: Literal["none", "wandb"] = "none"
+    """Where metrics go beside TensorBoard."""
+    icm: ICMConfig | None = None
+    """Intrinsic curiosity beside the task's reward; ``{}`` takes its defaults."""
+    rnd: RNDConfig | None = None
+    """Random network distillation likewise; both can be had at once."""
     curriculum: CurriculumName = "none"
     """How the worlds of the training episodes are chosen."""
     staged: StagedConfig = StagedConfig()
@@ -84,6 +91,9 @@ class TrainConfig(FrozenModel):
         for name, value in plain.items():
             if getattr(self.ppo, name) != value:
                 raise ValueError(f"ppo.{name}: rsl_rl does not have it; give learner = sb3")
+        for name in ("icm", "rnd"):
+            if getattr(self, name) is not None:
+                raise ValueError(f"{name}: rsl_rl does not have it; give learner = sb3")
 
     @property
     def hyperparameters(self) -> AlgorithmConfig:

@@ -24,6 +24,7 @@ class RunFolder:
         self.best = self.path / "best.pt"
         self.policy = self.path / "policy.onnx"
         self.history = self.path / "history.json"
+        self.record = self.path / "run.json"
         self.metrics = self.path / "metrics.json"
         self.plot = self.path / "training.png"
         self.tensorboard = self.path / "tensorboard"

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.logger import Logger, configure
 
 from pm01_nav.arrays import Arrays
 from pm01_nav.envs.devices import arrays_on
@@ -34,6 +33,7 @@ from pm01_nav.train.networks import privileged
 from pm01_nav.train.run_folder import RunFolder
 from pm01_nav.train.runtime import ThreadChoice, choose_threads, keep_freed_memory
 from pm01_nav.train.supervision import Progress, Supervision, TrainResult
+from pm01_nav.train.tracking import make_logger, record_session
 
 COMPILED_WITHIN_S = 3.0
 """Loading compiled kernels takes less than this."""
@@ -70,6 +70,7 @@ def train(
         folder.store(config)
     else:
         folder.create(config, force=force)
+    record_session(config, folder)
     chosen = config.train.hyperparameters
     threads = choose_threads(
         config.train.threads, chosen.batch_size, batch.layout.size, chosen.net_arch
@@ -89,6 +90,7 @@ def train(
             model.learn(2**62, supervision, log_interval=pause, reset_num_timesteps=fresh)
         else:
             model.learn(supervision)
+    model.logger.close()
     export_best(folder, config)
     return supervision.result()
 
@@ -127,10 +129,10 @@ def _learner(config: RunConfig, folder: RunFolder, batch: NavigationBatch, budge
                 f"train.learner = 'rsl_rl': {error.name} is missing; pip install 'pm01-nav[gpu]'"
             ) from error
         learner = RslRlLearner(config.train.ppo, batch, seed=seed, budget=budget)
-        learner.logger = _logger(folder)
+        learner.logger = make_logger(config, folder)
         learner.begin()
         return learner
-    env = make_environment(chosen, batch, seed)
+    env = make_environment(config.train, batch)
 
     def learning_rate(_: float) -> float:
         spent = min(max(budget.fraction(), 0.0), 1.0)
@@ -139,7 +141,7 @@ def _learner(config: RunConfig, folder: RunFolder, batch: NavigationBatch, budge
     model = algorithm(config.train.algo).make(
         chosen, env, batch.layout, seed=seed, learning_rate=learning_rate
     )
-    model.set_logger(_logger(folder))
+    model.set_logger(make_logger(config, folder))
     return model
 
 
@@ -206,10 +208,6 @@ def _try_out(batch: NavigationBatch) -> None:
     """Reset and step once; the learner's own reset begins everything anew."""
     batch.reset(np.arange(batch.num_envs))
     batch.step(batch.arrays.from_numpy(np.zeros((batch.num_envs, 2))))
-
-
-def _logger(folder: RunFolder) -> Logger:
-    return configure(str(folder.tensorboard), ["tensorboard"])
 
 
 @contextmanager
