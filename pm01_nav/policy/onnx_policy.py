@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pm01_nav.errors import InputError
 from pm01_nav.policy.network_policy import NetworkPolicy
 from pm01_nav.task.observation import ObservationLayout
+from pm01_nav.zoo import resolved
 
 if TYPE_CHECKING:
     from pm01_nav.robot import RobotSpec
@@ -23,12 +24,12 @@ class OnnxPolicy(NetworkPolicy):
     """A policy file that explains itself: it knows its sensors, its limits and its origin."""
 
     def __init__(self, path: str | Path, robot: RobotSpec | None = None) -> None:
-        """Load ``policy.onnx``; with ``robot``, make sure that the two fit each other.
+        """Load ``policy.onnx``, or ``zoo:NAME``; with ``robot``, make sure that the two fit.
 
         Raises:
             InputError: the file is no policy of ours, or its lidar or limits are not the robot's.
         """
-        self.path = Path(path)
+        self.path = resolved(path)
         session, self.metadata = _open(self.path)
         try:
             layout = ObservationLayout.from_dict(self.metadata["observation"])
