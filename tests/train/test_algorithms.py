@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every algorithm and network: it trains, resumes as if never stopped, and its file drives alike."""
+"""Every algorithm and network: it resumes as if never stopped, and its file drives alike."""
 
 from __future__ import annotations
 
