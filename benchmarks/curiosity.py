@@ -30,7 +30,7 @@ SPARSE = {"goal": {"weight": 100.0}, "collision": {"weight": -20.0}}
 
 
 def sparse_task(name: str) -> dict[str, Any]:
-    """Return a task with a sparse reward; robots that see less learn sooner where nothing guides."""
+    """Return a task of which only the goal and collisions pay."""
     task = task_config(name).model_dump(mode="json")
     return task | {"rewards": SPARSE}
 
@@ -76,9 +76,8 @@ def main() -> None:
         for seed in range(options.seeds):
             for k, (case, extra) in enumerate(CASES.items()):
                 folder = Path(name) / f"{k}_{seed}"
-                results["runs"].append(
-                    {"case": case} | run(config, options.steps, seed, extra, folder)
-                )
+                found = run(config, options.steps, seed, extra, folder)
+                results["runs"].append({"case": case} | found)
                 print(results["runs"][-1], flush=True)
                 write_report(options.out, results)
 
