@@ -133,6 +133,8 @@ class OffPolicyConfig(AlgorithmConfig):
     """Rounds between two points of the log, at which runs are evaluated, saved and ended, too."""
     tau: Fraction
     """How far the target network follows in an update."""
+    n_steps: Count
+    """Steps whose rewards are added up before the critic's estimate (n-step returns)."""
     n_critics: Count
 
     @property

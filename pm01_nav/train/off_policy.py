@@ -63,6 +63,7 @@ class OffPolicy:
     ) -> OffPolicyAlgorithm:
         """Build the learner."""
         names = ("learning_starts", "train_freq", "gradient_steps", "batch_size", "gamma", "tau")
+        names += ("n_steps",)
         make: Any = self.learner
         return make(
             self._policy_class(config),

@@ -159,7 +159,7 @@ def test_config_of_a_run_names_only_its_algorithm(tmp_path):
         ({"algo": "dqn"}, "algo"),
         ({"algo": "sac", "sac": {"ent_coef": "much"}}, "ent_coef"),
         ({"algo": "sac", "sac": {"buffer_size": 10}}, "buffer_size"),
-        ({"algo": "sac", "sac": {"n_steps": 10}}, "n_steps"),
+        ({"algo": "sac", "sac": {"n_epochs": 10}}, "n_epochs"),
         ({"ppo": {"conv": {"kernel_size": 4}}}, "odd"),
         ({"algo": "sac", "learner": "rsl_rl"}, "rsl_rl"),
         ({"learner": "rsl_rl", "ppo": {"norm_obs": True}}, "norm_obs"),
