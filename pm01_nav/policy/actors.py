@@ -46,12 +46,13 @@ class SquashedActor(Actor):
         return torch.tanh(actor.mu(actor.latent_pi(features)))
 
 
-class RecurrentActor(Actor):
+class RecurrentActor(torch.nn.Module):
     """The mean action of RecurrentPPO's policy, whose LSTM remembers."""
 
     def __init__(self, policy: Any) -> None:
         """Take the actor of ``policy``."""
-        super().__init__(policy)
+        super().__init__()
+        self.policy = policy
         lstm = policy.lstm_actor
         self.layers, self.width = lstm.num_layers, lstm.hidden_size
         self.memory_size = 2 * self.layers * self.width
@@ -85,7 +86,7 @@ class RecurrentActor(Actor):
         return torch.sigmoid(out) * torch.tanh(cell), cell
 
 
-def actor_of(policy: BasePolicy) -> Actor:
+def actor_of(policy: BasePolicy) -> Actor | RecurrentActor:
     """Return the actor of a policy of SB3 or sb3-contrib."""
     if hasattr(policy, "lstm_actor"):
         return RecurrentActor(policy)

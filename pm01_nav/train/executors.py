@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, Protocol
 
 from pm01_nav.errors import InputError
@@ -73,7 +74,7 @@ class RayCluster:
             InputError: Ray is not installed, or the cluster does not answer.
         """
         try:
-            import ray
+            ray: Any = import_module("ray")
         except ImportError as error:
             raise InputError("ray: pip install 'pm01-nav[ray]'") from error
         self._ray, self._retries = ray, retries

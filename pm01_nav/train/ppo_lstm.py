@@ -33,7 +33,8 @@ class AsymmetricRecurrent(RecurrentActorCriticPolicy):
         else:
             self.critic = torch.nn.Linear(features.features_dim, self.lstm_output_dim)
         rate = self.optimizer.param_groups[0]["lr"]
-        self.optimizer = self.optimizer_class(self.parameters(), lr=rate, **self.optimizer_kwargs)
+        make: Any = self.optimizer_class
+        self.optimizer = make(self.parameters(), lr=rate, **self.optimizer_kwargs)
 
 
 class PPOLSTMAlgorithm:

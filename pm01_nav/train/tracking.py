@@ -30,6 +30,7 @@ class WandbWriter(KVWriter):
         """
         try:
             import wandb
+            from wandb.errors import Error
         except ImportError as error:
             raise InputError("track = 'wandb': pip install 'pm01-nav[wandb]'") from error
         try:
@@ -41,7 +42,7 @@ class WandbWriter(KVWriter):
                 dir=str(folder.path),
                 config=config.model_dump(mode="json"),
             )
-        except wandb.errors.Error as error:
+        except Error as error:
             reason = " ".join(str(error).split())[:200]
             raise InputError(
                 f"track = 'wandb': {reason}; WANDB_MODE=offline writes to the run's folder"
