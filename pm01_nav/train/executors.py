@@ -84,7 +84,7 @@ class RayCluster:
         os.environ.setdefault("RAY_gcs_rpc_server_reconnect_timeout_s", str(int(ANSWERS_WITHIN_S)))
         settings: dict[str, Any] = {"address": address}
         if address == "local":
-            settings = {"include_dashboard": False}
+            settings["include_dashboard"] = False
         try:
             ray.init(log_to_driver=False, **settings)
         except (ConnectionError, RuntimeError, ValueError, OSError) as error:

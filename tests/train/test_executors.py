@@ -55,5 +55,26 @@ def test_pieces_on_a_local_ray_cluster():
         ray.shutdown()
 
 
+@pytest.mark.slow
+def test_piece_whose_worker_is_killed_is_done_again(tmp_path):
+    ray = pytest.importorskip("ray")
+    try:
+        pieces = [str(tmp_path / "first"), str(tmp_path / "second")]
+        done = {d.index: d for d in make_executor(1, "local").run(killed_once, pieces)}
+        assert {k: d.result for k, d in done.items()} == {0: 2, 1: 2}
+    finally:
+        ray.shutdown()
+
+
+def killed_once(path: str) -> int:
+    """Kill the worker with SIGKILL the first time; return how often it was tried."""
+    with open(path, "a", encoding="utf-8") as file:
+        file.write("x")
+    tried = os.path.getsize(path)
+    if tried == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return tried
+
+
 def pid_square(number: int) -> tuple[int, int]:
     return number**2, os.getpid()
