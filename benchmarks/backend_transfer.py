@@ -4,6 +4,8 @@
 python benchmarks/backend_transfer.py --trained planar=runs/static \
     --trained planar+randomization=runs/randomized --trained mujoco=runs/mujoco \
     --out benchmarks/results/backend_transfer.json
+python benchmarks/backend_transfer.py --trained planar=runs/static --suites static \
+    --measured planar=100 gazebo=100 --out benchmarks/results/gazebo_transfer.json
 
 The runs are made with `pm01 train --task static`, with `--randomization on`, and with
 `--backend mujoco`. All cells of a suite are the same held-out episodes, but for their number.
@@ -21,16 +23,19 @@ from typing import Any
 from report import write_report
 
 PM01 = str(Path(sys.executable).with_name("pm01"))
-EPISODES = {"planar": 1000, "mujoco": 1000, "pybullet": 100}
+EPISODES = ["planar=1000", "mujoco=1000", "pybullet=100"]
 """PyBullet takes a hundred times as long."""
-SUITES = ("static", "corridors", "crowd")
+SUITES = ["static", "corridors", "crowd"]
 FIGURES = ("episodes", "success_rate", "success_rate_ci95", "collision_rate", "timeout_rate", "spl")
 
 
-def evaluate(run: str, suite: str, backend: str, episodes: int) -> dict[str, Any]:
+def evaluate(run: str, suite: str, where: str, worlds: str | None) -> dict[str, Any]:
     """Return the policy's figures on held-out worlds of a suite in a simulator."""
+    backend, _, episodes = where.partition("=")
     command = [PM01, "evaluate", run, "--task", suite, "--backend", backend, "--seed", "1"]
-    command += ["--episodes", str(episodes), "--json", "-"]
+    command += ["--episodes", episodes, "--json", "-"]
+    if worlds is not None and suite == "barn":
+        command += ["--worlds", worlds]
     answer = subprocess.run(command, check=True, capture_output=True, text=True)
     summary = json.loads(answer.stdout)
     return {key: summary[key] for key in FIGURES}
@@ -40,6 +45,9 @@ def main() -> None:
     """Evaluate and report; the report is written anew after each suite of a policy."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trained", action="append", required=True, metavar="NAME=RUN")
+    parser.add_argument("--suites", nargs="+", default=SUITES)
+    parser.add_argument("--measured", nargs="+", default=EPISODES, metavar="BACKEND=EPISODES")
+    parser.add_argument("--worlds", help="the unpacked BARN dataset, for the suite barn")
     parser.add_argument("--out", required=True)
     options = parser.parse_args()
     matrix: dict[str, Any] = {}
@@ -47,9 +55,9 @@ def main() -> None:
         name, _, run = text.partition("=")
         history = json.loads((Path(run) / "history.json").read_text(encoding="utf-8"))
         matrix[name] = {"steps": int(history["steps"][-1]), "measured": {}}
-        for suite in SUITES:
-            cells = {b: evaluate(run, suite, b, n) for b, n in EPISODES.items()}
-            matrix[name]["measured"][suite] = cells
+        for suite in options.suites:
+            cells = {w: evaluate(run, suite, w, options.worlds) for w in options.measured}
+            matrix[name]["measured"][suite] = {w.split("=")[0]: c for w, c in cells.items()}
             write_report(options.out, {"trained": matrix})
 
 

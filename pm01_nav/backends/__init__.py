@@ -13,12 +13,17 @@ from importlib.util import find_spec
 from typing import Any, Literal
 
 from pm01_nav.arrays import Arrays
+from pm01_nav.backends.gazebo_address import GazeboAddress
+from pm01_nav.backends.gazebo_install import require_gazebo
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.worlds.pool import WorldPool
 
-BackendName = Literal["planar", "mujoco", "pybullet"]
+BackendName = Literal["planar", "mujoco", "pybullet", "gazebo", "gazebo_transport"]
+MOST_ROBOTS: dict[BackendName, int] = {"gazebo": os.cpu_count() or 1, "gazebo_transport": 1}
+"""How many robots are worth driving at once, where each is a process."""
+DEFAULT_ADDRESS = GazeboAddress()
 EXTRAS = {"mujoco": "physics", "pybullet": "pybullet"}
 """What to install for each engine."""
 
@@ -29,11 +34,12 @@ def make_simulator(
     robot: RobotSpec,
     pool: WorldPool,
     num_envs: int,
+    gazebo: GazeboAddress = DEFAULT_ADDRESS,
     **how: Any,
 ) -> PlanarSimulator:
     """Return ``num_envs`` robots in the worlds of ``pool``; ``how`` is as for ``PlanarSimulator``.
 
-    Where ``arrays`` are on a GPU, so is the simulator.
+    Where ``arrays`` are on a GPU, so is the simulator. ``gazebo`` is for ``gazebo_transport``.
 
     Raises:
         InputError: the engine is not installed, or cannot run on a GPU.
@@ -46,6 +52,16 @@ def make_simulator(
         return CudaSimulator(robot, pool, num_envs, arrays=arrays, **how)
     if backend == "planar":
         return PlanarSimulator(robot, pool, num_envs, **how)
+    if backend.startswith("gazebo"):
+        require_gazebo(backend)
+    if backend == "gazebo":
+        from pm01_nav.backends.gazebo import GazeboSimulator
+
+        return GazeboSimulator(robot, pool, num_envs, **how)
+    if backend == "gazebo_transport":
+        from pm01_nav.backends.gazebo_transport import RunningGazeboSimulator
+
+        return RunningGazeboSimulator(gazebo, robot, pool, num_envs, **how)
     if find_spec(backend) is None:
         extra = EXTRAS[backend]
         raise InputError(

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +17,8 @@ FloatArray = NDArray[np.float64]
 
 PHYSICS_DT = 0.005
 """One step of an engine [s], or the nearest that fits."""
+TICK = 0.02
+"""Time between two set points of wheels and movers [s], or the nearest that fits."""
 WALL_THICKNESS = 0.002
 """Of walls that have none in the plane: 1 mm to each side [m]."""
 
@@ -46,6 +48,9 @@ class Motion:
     contact: NDArray[np.bool_]
     """Whether the hull touched an obstacle in the step, shape (num_envs,)."""
 
+    lost: dict[int, str] = field(default_factory=dict)
+    """Why the engine lost robots; one that is not finite and not here diverged."""
+
     @classmethod
     def of(cls, num_envs: int) -> Motion:
         """Return room for so many robots."""
@@ -69,14 +74,13 @@ class View:
     """[m]"""
 
 
+def ticks_in(control_dt: float) -> int:
+    """Return how many set points a control step [s] has."""
+    return max(1, round(control_dt / TICK))
+
+
 class Engine(Protocol):
     """Robots with weight and wheels on a floor, each alone in a world of its own."""
-
-    def __init__(
-        self, robot: RobotSpec, worlds: Sequence[World], num_envs: int, tick: float
-    ) -> None:
-        """Prepare ``num_envs`` robots whose wheels get new set points every ``tick`` [s]."""
-        ...
 
     def reset(self, i: int, scenario: Scenario) -> None:
         """Put robot ``i`` at rest where its scenario says."""
@@ -84,17 +88,17 @@ class Engine(Protocol):
 
     def step(
         self,
-        wheel_speeds: FloatArray,
+        command: FloatArray,
         movers: FloatArray,
         motion: Motion,
         ranges: NDArray[np.float32],
     ) -> None:
         """Drive every robot for a control step; write what came of it.
 
-        ``wheel_speeds`` (ticks, num_envs, 2) [rad/s] are those of the left and the right wheel;
-        ``movers`` (ticks, num_envs, most movers, 2) [m] say where movers are at each tick's end.
-        ``ranges`` is as for ``cast``. A row of ``motion.pose`` that
-        is not finite says that the engine lost the robot; its ranges are left as they were.
+        ``command`` (num_envs, 2) holds v and w [m/s, rad/s]; ``movers`` (ticks, num_envs, most
+        movers, 2) [m] say where movers are at each tick's end. ``ranges`` is as for ``cast``. A row
+        of ``motion.pose`` that is not finite says that the engine lost the robot; its ranges are
+        left as they were.
         """
         ...
 
@@ -116,3 +120,7 @@ class Engine(Protocol):
     def keep(self, indices: NDArray[np.int64]) -> None:
         """Go on with some of the robots only."""
         ...
+
+
+MakeEngine = Callable[[RobotSpec, Sequence[World], int, float], Engine]
+"""Prepares so many robots in some of the worlds, which get a command every so many seconds."""

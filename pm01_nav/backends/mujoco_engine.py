@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pm01_nav.backends.body import body_model
-from pm01_nav.backends.engine import PHYSICS_DT, Motion, Scenario, View
+from pm01_nav.backends.drive import WheelController
+from pm01_nav.backends.engine import PHYSICS_DT, Motion, Scenario, View, ticks_in
 from pm01_nav.backends.mujoco_model import ROBOT_GROUP, robot_in_world
 from pm01_nav.backends.mujoco_picture import draw
 from pm01_nav.robot import RobotSpec
@@ -46,11 +47,14 @@ class MujocoEngine:
     """One row of ``MjData``'s state a robot, one ``MjModel`` a world; see ``Engine``."""
 
     def __init__(
-        self, robot: RobotSpec, worlds: Sequence[World], num_envs: int, tick: float
+        self, robot: RobotSpec, worlds: Sequence[World], num_envs: int, control_dt: float
     ) -> None:
         """Prepare ``num_envs`` robots; worlds are compiled when they are first needed."""
         self._worlds = worlds
         self._body = body_model(robot)
+        ticks = ticks_in(control_dt)
+        tick = control_dt / ticks
+        self._wheels = WheelController(robot, num_envs, control_dt, ticks)
         self._substeps = max(1, round(tick / PHYSICS_DT))
         self._dt = tick / self._substeps
         self._range_max = robot.lidar.range_max
@@ -80,15 +84,17 @@ class MujocoEngine:
         turn = np.cos(yaw / 2.0), 0.0, 0.0, np.sin(yaw / 2.0)
         self._state[i, PLACE] = x, y, self._body.wheel_radius + scenario.height, *turn
         self._movers[i] = scenario.movers.copy()
+        self._wheels.twist[i] = 0.0
 
     def step(
         self,
-        wheel_speeds: FloatArray,
+        command: FloatArray,
         movers: FloatArray,
         motion: Motion,
         ranges: NDArray[np.float32],
     ) -> None:
         """Drive every robot for a control step; see ``Engine``."""
+        wheel_speeds = self._wheels.wheel_speeds(command)
         for size, some in (self._groups or self._group()).items():
             self._drive(size, some, wheel_speeds[:, some], movers[:, some], motion)
         for i in range(len(self._robots)):
@@ -185,6 +191,7 @@ class MujocoEngine:
         self._robots = [self._robots[i] for i in indices]
         self._movers = [self._movers[i] for i in indices]
         self._state, self._groups = self._state[indices], {}
+        self._wheels.twist = self._wheels.twist[indices]
 
     def _compiled(self, world: int) -> Compiled:
         """Return the model of a world; the most recent ones are kept."""

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pm01_nav.backends.drive import WheelController
-from pm01_nav.backends.engine import Engine, Motion, Scenario, View
+from pm01_nav.backends.engine import MakeEngine, Motion, Scenario, View, ticks_in
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import engine_kernels
@@ -19,8 +18,6 @@ from pm01_nav.worlds.pool import WorldPool
 
 FloatArray = NDArray[np.float64]
 
-TICK = 0.02
-"""Time between two set points of the wheel controller [s], or the nearest that fits."""
 GOAL_MARKER = 0.15
 """Radius of the disc that marks the goal in pictures [m]."""
 POSSIBLE = 1e7
@@ -36,25 +33,16 @@ class PhysicsSimulator(PlanarSimulator):
     """
 
     def __init__(
-        self, engine: type[Engine], robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+        self, make: MakeEngine, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
     ) -> None:
         """Allocate the batch; ``how`` is as for ``PlanarSimulator``."""
         super().__init__(robot, pool, num_envs, **how)
-        self._ticks = max(1, round(self.control_dt / TICK))
-        self._engine = engine(robot, pool.worlds, num_envs, self.control_dt / self._ticks)
-        self._wheels = WheelController(robot, num_envs, self.control_dt, self._ticks)
+        self._engine = make(robot, pool.worlds, num_envs, self.control_dt)
         self._motion = Motion.of(num_envs)
 
     def perturb(self, ranges: Perturbation) -> None:
         """Refuse: only the planar simulator has perturbed robots."""
         raise InputError("randomization: only the backend planar has it")
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return every array of the state, by name; what the engine keeps to itself is not there.
-
-        ``resume`` makes the best of it.
-        """
-        return super().arrays() | {"wheel_twist": self._wheels.twist}
 
     def reset(
         self,
@@ -75,7 +63,10 @@ class PhysicsSimulator(PlanarSimulator):
         self._set_down(indices)
 
     def resume(self) -> None:
-        """Go on from arrays that were written from outside: robots begin at rest where they are."""
+        """Go on from arrays that were written from outside; an engine's own state is not in them.
+
+        So robots begin at rest where they are.
+        """
         self._set_down(np.arange(self.num_envs))
 
     def _set_down(self, indices: NDArray[Any]) -> None:
@@ -86,7 +77,6 @@ class PhysicsSimulator(PlanarSimulator):
             scenario = Scenario(int(state.world[i]), state.pose[i], movers)
             self._engine.reset(int(i), scenario)
         self._engine.cast(np.asarray(indices), state.ranges)
-        self._wheels.twist[indices] = 0.0
         self.faults = {i: why for i, why in self.faults.items() if i not in indices}
         self._perceive(np.asarray(indices, dtype=np.int64), True)
 
@@ -98,12 +88,12 @@ class PhysicsSimulator(PlanarSimulator):
         """
         command = self.checked(command)
         state, motion = self.state, self._motion
-        speeds = self._wheels.wheel_speeds(command)
-        self._engine.step(speeds, self._move_obstacles(), motion, state.ranges)
+        motion.lost.clear()
+        self._engine.step(command, self._move_obstacles(), motion, state.ranges)
         moved = np.abs(np.concatenate([motion.pose, motion.twist], axis=1))
         # NaN is not below anything.
         sound: Any = np.less(moved.max(axis=1), POSSIBLE)
-        self.faults = {int(i): DIVERGED for i in np.flatnonzero(~sound)}
+        self.faults = {int(i): motion.lost.get(int(i), DIVERGED) for i in np.flatnonzero(~sound)}
         # Whom the engine lost stands where it last was.
         np.copyto(state.pose, motion.pose, where=sound[:, None])
         state.twist[:] = np.where(sound[:, None], motion.twist, 0.0)
@@ -134,7 +124,8 @@ class PhysicsSimulator(PlanarSimulator):
             base, _, arrays = self._scene
             engine_kernels.move_obstacles(self.state, base, arrays, self._crowd)
         way = self.state.mover_position - before
-        share = np.arange(1, self._ticks + 1) / self._ticks
+        ticks = ticks_in(self.control_dt)
+        share = np.arange(1, ticks + 1) / ticks
         return before + share[:, None, None, None] * way
 
     def _perceive(self, indices: NDArray[np.int64], first: bool) -> None:
@@ -144,5 +135,4 @@ class PhysicsSimulator(PlanarSimulator):
         """Go on with some of the environments only, as if there had never been others."""
         super().keep(indices)
         self._engine.keep(indices)
-        self._wheels.twist = self._wheels.twist[indices]
         self._motion = Motion.of(len(indices))

@@ -13,7 +13,8 @@ import pybullet as bullet
 from numpy.typing import NDArray
 
 from pm01_nav.backends.body import WHEEL_FRICTION, BodyModel, body_model
-from pm01_nav.backends.engine import PHYSICS_DT, Motion, Scenario, View
+from pm01_nav.backends.drive import WheelController
+from pm01_nav.backends.engine import PHYSICS_DT, Motion, Scenario, View, ticks_in
 from pm01_nav.backends.pybullet_picture import draw
 from pm01_nav.backends.pybullet_shapes import (
     OBSTACLE_COLOUR,
@@ -52,10 +53,13 @@ class PybulletEngine:
     """One client of PyBullet for all robots; see ``Engine``."""
 
     def __init__(
-        self, robot: RobotSpec, worlds: Sequence[World], num_envs: int, tick: float
+        self, robot: RobotSpec, worlds: Sequence[World], num_envs: int, control_dt: float
     ) -> None:
         """Prepare ``num_envs`` robots; each stands alone in a square of the floor."""
         self._body, self._worlds = body_model(robot), worlds
+        ticks = ticks_in(control_dt)
+        tick = control_dt / ticks
+        self._wheels = WheelController(robot, num_envs, control_dt, ticks)
         self._substeps = max(1, round(tick / PHYSICS_DT))
         self._client = bullet.connect(bullet.DIRECT)
         weakref.finalize(self, bullet.disconnect, self._client)
@@ -97,15 +101,17 @@ class PybulletEngine:
         self._call(bullet.resetBaseVelocity, robot, (0, 0, 0), (0, 0, 0))
         for wheel in WHEELS:
             self._call(bullet.resetJointState, robot, wheel, 0.0, 0.0)
+        self._wheels.twist[i] = 0.0
 
     def step(
         self,
-        wheel_speeds: FloatArray,
+        command: FloatArray,
         movers: FloatArray,
         motion: Motion,
         ranges: NDArray[np.float32],
     ) -> None:
         """Drive every robot for a control step; see ``Engine``."""
+        wheel_speeds = self._wheels.wheel_speeds(command)
         motion.contact[:] = False
         torque = 2 * [GRIP * self._body.mass * GRAVITY * self._body.wheel_radius]
         for speeds, places in zip(wheel_speeds, movers, strict=True):
@@ -162,6 +168,7 @@ class PybulletEngine:
         self._worlds_in = [self._worlds_in[i] for i in indices]
         self._obstacles = [self._obstacles[i] for i in indices]
         self._movers = [self._movers[i] for i in indices]
+        self._wheels.twist = self._wheels.twist[indices]
 
     def _call(self, function: Any, *arguments: Any, **named: Any) -> Any:
         return function(*arguments, physicsClientId=self._client, **named)

@@ -85,6 +85,7 @@ def command() -> None:
         _optional,
         _gpu,
         _ros,
+        _gazebo,
         _threads,
         _speed,
     )
@@ -150,10 +151,17 @@ def _ros() -> list[Finding]:
     else:
         hint = "not found; not needed to train (source /opt/ros/<distro>/setup.bash)"
         found.append(Finding("ROS 2", "missing", hint))
-    gazebo = any(find_spec(name) for name in ("gz", "gz.sim8") if "." not in name)
-    detail = "Python bindings found" if gazebo else "not found; not needed to train"
-    found.append(Finding("Gazebo", "ok" if gazebo else "missing", detail))
     return found
+
+
+def _gazebo() -> list[Finding]:
+    from pm01_nav.backends.gazebo_install import how_to_install, what_is_missing
+
+    missing = what_is_missing()
+    if missing is None:
+        return [Finding("Gazebo", "ok", "Harmonic, with Python bindings: --backend gazebo")]
+    detail = f"--backend gazebo: {missing}. Not needed to train. {how_to_install()}"
+    return [Finding("Gazebo", "missing", detail)]
 
 
 def _threads() -> list[Finding]:

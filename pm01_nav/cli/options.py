@@ -40,8 +40,8 @@ def task_options(command: Command) -> Command:
             click.option(
                 "--backend",
                 metavar="NAME",
-                help="What moves the robots: planar (our simulator), or mujoco or pybullet, with "
-                "wheels, weight and contacts.  [default: planar]",
+                help="What moves the robots: planar (our simulator), or mujoco, pybullet or "
+                "gazebo, with wheels, weight and contacts.  [default: planar]",
             ),
             click.option(
                 "--config",

@@ -121,6 +121,7 @@ class NavigationBatch:
             self.robot,
             pool,
             num_envs,
+            config.gazebo,
             control_dt=config.control_dt,
             goal_distance=config.goal_distance_limits(),
             features=features(config, self.layout),

@@ -28,7 +28,7 @@ WALL = World("wall", (-10.0, -10.0, 10.0, 10.0), segments=np.array([[1.0, -2.0, 
 def test_settles_after_a_drop(make: Make, engine: str, name: str) -> None:
     simulator = make(engine, [[0.0, 0.0, 0.5]], robot=name)
     assert isinstance(simulator, PhysicsSimulator)
-    motion, still = Motion.of(1), np.zeros((5, 1, 2))
+    motion, still = Motion.of(1), np.zeros((1, 2))
     ranges = np.zeros((1, simulator.state.ranges.shape[1]), dtype=np.float32)
     start = Scenario(0, np.array([0.0, 0.0, 0.5]), np.zeros((0, 2)), height=0.01)
     simulator._engine.reset(0, start)

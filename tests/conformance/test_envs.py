@@ -15,6 +15,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 
+from pm01_nav.backends.gazebo_install import what_is_missing
 from pm01_nav.envs import ENVIRONMENTS
 from pm01_nav.envs.nav_env import NavEnv
 from pm01_nav.envs.sb3_vec_env import NavVecEnv
@@ -49,15 +50,30 @@ def make_sb3(config: TaskConfig, num_envs: int, **arguments: Any) -> NavVecEnv:
 
 
 def test_registered_tasks() -> None:
-    assert ENVIRONMENTS["PM01Nav-v0"] == "article"
-    assert ENVIRONMENTS["PM01Nav-v1"] == "static"
+    assert ENVIRONMENTS["PM01Nav-v0"] == {"task": "article"}
+    assert ENVIRONMENTS["PM01Nav-v1"] == {"task": "static"}
 
 
-CASES = [*((id_, {}) for id_ in ENVIRONMENTS), *(("PM01Nav-v1", {"task": t}) for t in TASKS)]
+MISSING = what_is_missing()
+GAZEBO = pytest.param(
+    "PM01NavGazebo-v0",
+    marks=[pytest.mark.gazebo, pytest.mark.skipif(bool(MISSING), reason=f"Gazebo: {MISSING}")],
+)
+IDS = [*(name for name in ENVIRONMENTS if "Gazebo" not in name), GAZEBO]
 
 
-@pytest.mark.parametrize(("id_", "arguments"), CASES)
-def test_checkers_have_nothing_to_say(id_: str, arguments: dict[str, Any]) -> None:
+@pytest.mark.parametrize("id_", IDS)
+def test_checkers_have_nothing_to_say(id_: str) -> None:
+    check(id_)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_checkers_have_nothing_to_say_about_a_task(task: str) -> None:
+    check("PM01Nav-v1", task=task)
+
+
+def check(id_: str, **arguments: Any) -> None:
+    """Let the checkers of Gymnasium and SB3 look at an environment; warnings are errors."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         # Gymnasium holds a lower version for a superseded one; v0 stays, it is the article's task.
@@ -82,7 +98,7 @@ def test_checker_fails_on_a_broken_copy() -> None:
 
 
 @pytest.mark.filterwarnings("ignore:.*PM01Nav-v0 is out of date")
-@pytest.mark.parametrize("id_", sorted(ENVIRONMENTS))
+@pytest.mark.parametrize("id_", IDS)
 def test_make_vec(id_: str) -> None:
     env = gym.make_vec(id_, num_envs=3, vectorization_mode="vector_entry_point", **FEW)
     assert isinstance(env.unwrapped, NavVectorEnv)

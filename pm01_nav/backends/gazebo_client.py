@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+# pyright: reportMissingImports=false
+"""A robot in a Gazebo that runs already, stepped over its transport.
+
+What is known of the robot is what its topics say: its pose is its odometry, counted from the last
+reset, and a collision is what the plane makes of that pose. Obstacles are those of the world that
+the task names, which must be the one that Gazebo has loaded.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from gz.msgs10.boolean_pb2 import Boolean
+from gz.msgs10.laserscan_pb2 import LaserScan
+from gz.msgs10.odometry_pb2 import Odometry
+from gz.msgs10.pose_pb2 import Pose
+from gz.msgs10.twist_pb2 import Twist
+from gz.msgs10.world_control_pb2 import WorldControl
+from gz.msgs10.world_stats_pb2 import WorldStatistics
+from gz.transport13 import Node
+from numpy.typing import NDArray
+
+from pm01_nav.backends.gazebo_address import GazeboAddress
+from pm01_nav.backends.gazebo_messages import (
+    nanoseconds,
+    pose_of,
+    pose_since,
+    ranges_of,
+    stamp_of,
+    twist_of,
+)
+from pm01_nav.backends.gazebo_stream import SilentError, StampedStream
+from pm01_nav.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+REQUEST_MS = 200
+"""Limit for the answer of a service; what it does shows in the topics."""
+FOUND_S = 5.0
+"""Limit for finding a world and its topics, and for its statistics."""
+SILENCE_S = 10.0
+"""Limit for what belongs to a step."""
+MEASURED_STEPS = 50
+"""Steps of the physics from which the length of one is known."""
+REST_STEPS, AT_REST = 30, 2e-3
+"""A robot without a command stands still after so many control steps, slower than this."""
+START = "start one with: ros2 launch pm01_gazebo pm01_world.launch.py"
+
+
+class RunningGazebo:
+    """One robot in a Gazebo that others started; it is paused between our steps."""
+
+    def __init__(self, address: GazeboAddress, num_beams: int, control_dt: float) -> None:
+        """Find the world, pause it and measure its steps.
+
+        Raises:
+            InputError: there is no such world or topic, or its steps do not fit ``control_dt`` [s].
+        """
+        self._address, self._num_beams = address, num_beams
+        self._node = Node()
+        self._world = self._find_world()
+        self._scans = StampedStream(self._find_topic("scan"))
+        self._odometry = StampedStream(self._find_topic("odom"))
+        for message_type, stream in ((LaserScan, self._scans), (Odometry, self._odometry)):
+            self._subscribe(message_type, stream, stamp_of)
+        self._command = self._node.advertise(address.topic("cmd_vel"), Twist)
+        self._time_ns, step_ns = self._pause_and_measure()
+        self._period_ns = round(control_dt * 1e9)
+        self._iterations = round(self._period_ns / step_ns)
+        if abs(self._iterations * step_ns - self._period_ns) > 1000:
+            raise InputError(
+                f"world {self._world}: its steps of {step_ns / 1e6:g} ms do not fit a control step "
+                f"of {control_dt:g} s; change max_step_size in its physics"
+            )
+        self._align()
+        self._anchor: tuple[FloatArray, FloatArray] = (np.zeros(3), np.zeros(3))
+
+    def reset(self, pose: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
+        """Put the robot at rest at x, y, yaw (3,); return pose, twist and ranges there.
+
+        Raises:
+            InputError: Gazebo has no such robot, or it does not come to rest.
+        """
+        self._publish(np.zeros(2))
+        self._teleport(pose)
+        for _ in range(REST_STEPS):
+            odometry, _ = self._step()
+            if np.abs(twist_of(odometry)).max() < AT_REST:
+                break
+        else:
+            raise InputError(
+                f"{self._odometry.topic}: the robot does not come to rest at {pose.round(3)}; "
+                "does another program publish commands?"
+            )
+        self._teleport(pose)
+        odometry, ranges = self._step()
+        self._anchor = (pose.copy(), pose_of(odometry))
+        return pose, twist_of(odometry), ranges
+
+    def step(self, command: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
+        """Drive for a control step by v and w (2,); return pose, twist and ranges.
+
+        Raises:
+            InputError: the scan or the odometry of the step does not come.
+        """
+        self._publish(command)
+        odometry, ranges = self._step()
+        return pose_since(*self._anchor, pose_of(odometry)), twist_of(odometry), ranges
+
+    def _find_world(self) -> str:
+        """Return the name of the world that is meant."""
+        wanted, found = self._address.world, set()
+        end = time.monotonic() + FOUND_S
+        while time.monotonic() < end and not (wanted in found or (found and not wanted)):
+            names = self._node.service_list()
+            found = {m[1] for n in names if (m := re.fullmatch(r"/world/([^/]+)/control", n))}
+        if not found:
+            raise InputError(
+                f"backend = 'gazebo_transport': no Gazebo answers; {START}. GZ_PARTITION and GZ_IP "
+                "must be the same here as there"
+            )
+        names = ", ".join(sorted(found))
+        if wanted and wanted not in found:
+            raise InputError(f"gazebo.world = {wanted!r}: does not run; running: {names}")
+        if len(found) > 1 and not wanted:
+            raise InputError(f"gazebo.world: several run; give one of {names}")
+        return wanted or found.pop()
+
+    def _find_topic(self, name: str) -> str:
+        """Return the address of a topic that is published."""
+        topic, end = self._address.topic(name), time.monotonic() + FOUND_S
+        topics: list[str] = []
+        while time.monotonic() < end and topic not in topics:
+            topics = list(self._node.topic_list())
+        if topic not in topics:
+            alike = [other for other in topics if other.rstrip("/").endswith(name)]
+            hint = f"there is {', '.join(alike)}: set task.gazebo.namespace" if alike else START
+            raise InputError(f"{topic}: nobody publishes it in world {self._world}; {hint}")
+        return topic
+
+    def _subscribe(
+        self, message_type: Any, stream: StampedStream, stamp: Callable[[Any], int]
+    ) -> None:
+        self._node.subscribe(
+            message_type, stream.topic, lambda message: stream.put(stamp(message), message)
+        )
+
+    def _pause_and_measure(self) -> tuple[int, int]:
+        """Return the time at which the world stands still now, and what one step adds [ns]."""
+        topic = f"/world/{self._world}/stats"
+        statistics = StampedStream(topic)
+        # By arrival: in a paused world time stands still.
+        self._subscribe(WorldStatistics, statistics, lambda message: time.monotonic_ns())
+        self._control(WorldControl(pause=True))
+        before = self._standing(statistics)
+        self._control(WorldControl(pause=True, multi_step=MEASURED_STEPS))
+        after = before
+        end = time.monotonic() + FOUND_S
+        while after == before and time.monotonic() < end:
+            after = self._standing(statistics)
+        self._node.unsubscribe(topic)
+        if after == before:
+            raise InputError(f"world {self._world}: does not step; is it a playback of a log?")
+        return after, (after - before) // MEASURED_STEPS
+
+    def _standing(self, statistics: StampedStream) -> int:
+        """Return the simulation time of a world once it is paused [ns]."""
+        end = time.monotonic() + FOUND_S
+        while time.monotonic() < end:
+            try:
+                message = statistics.wait(time.monotonic_ns(), FOUND_S)
+            except SilentError as error:
+                raise InputError(str(error)) from error
+            if message.paused:
+                return nanoseconds(message.sim_time)
+        raise InputError(f"world {self._world}: does not pause")
+
+    def _align(self) -> None:
+        """Step to where a control step begins, so that its scan lies at its end."""
+        step_ns = self._period_ns // self._iterations
+        missing = -self._time_ns % self._period_ns // step_ns
+        if missing:
+            self._control(WorldControl(pause=True, multi_step=missing))
+            self._time_ns += missing * step_ns
+
+    def _publish(self, command: FloatArray) -> None:
+        twist = Twist()
+        twist.linear.x, twist.angular.z = float(command[0]), float(command[1])
+        self._command.publish(twist)
+
+    def _step(self) -> tuple[Any, NDArray[np.float32]]:
+        """Run one control step; return the odometry and the ranges that belong to its end."""
+        self._time_ns += self._period_ns
+        self._control(WorldControl(pause=True, multi_step=self._iterations))
+        # Whatever the lidar's phase, one scan lies within the step.
+        begin = self._time_ns - self._period_ns + 1
+        try:
+            scan = self._scans.wait(begin, SILENCE_S)
+            odometry = self._odometry.wait(begin, SILENCE_S)
+        except SilentError as error:
+            raise InputError(
+                f"world {self._world}: {error}. Did Gazebo end? Is its lidar slower than the "
+                "control step, or does the world lack the Sensors system?"
+            ) from error
+        return odometry, ranges_of(scan, self._num_beams, self._scans.topic)
+
+    def _teleport(self, pose: FloatArray) -> None:
+        request = Pose(name=self._address.model)
+        x, y, yaw = pose.tolist()
+        request.position.x, request.position.y, request.position.z = x, y, 0.0
+        request.orientation.z, request.orientation.w = np.sin(yaw / 2.0), np.cos(yaw / 2.0)
+        service = f"/world/{self._world}/set_pose"
+        done, answer = self._node.request(service, request, Pose, Boolean, REQUEST_MS)
+        if done and not answer.data:
+            raise InputError(
+                f"{service}: refused; is there a model {self._address.model!r}? "
+                "Set task.gazebo.model"
+            )
+
+    def _control(self, request: WorldControl) -> None:
+        """Ask for steps or a pause; an answer that is late does not matter."""
+        service = f"/world/{self._world}/control"
+        self._node.request(service, request, WorldControl, Boolean, REQUEST_MS)
