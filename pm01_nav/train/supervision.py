@@ -148,12 +148,13 @@ class Supervision(BaseCallback):
         self.budget.steps_done = self.num_timesteps
         if self._iteration_at is not None:
             self._end_iteration()
-        if self.num_timesteps >= self._next_evaluation:
-            self._next_evaluation += self.config.train.eval_every
-            self.evaluate()
         spent = self.budget.fraction() >= 1.0
-        if spent:
+        evaluates = self.num_timesteps >= self._next_evaluation
+        if evaluates:
+            self._next_evaluation += self.config.train.eval_every
+        if evaluates or spent:
             self.evaluate()
+        if spent:
             self.logger.dump(self.num_timesteps)  # SB3 will not get to it any more
         self._finished = spent or self.interrupted.is_set()
         pause = max(self.config.train.checkpoint_every, self._saving_takes / SAVING_SHARE)
