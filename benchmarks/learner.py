@@ -28,8 +28,8 @@ from pm01_nav.envs.sb3_vec_env import NavVecEnv
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
-from pm01_nav.train.config import PPOConfig
-from pm01_nav.train.ppo import make_ppo
+from pm01_nav.train.algorithm_config import PPOConfig
+from pm01_nav.train.ppo import PPO_ALGORITHM
 from pm01_nav.train.runtime import keep_freed_memory
 
 
@@ -81,7 +81,9 @@ def cost_of_environment(
     """Compare a learner on our environment with one on an environment that does nothing."""
     torch.set_num_threads(threads)
     models = [
-        make_ppo(config, env, batch.layout, seed=0, progress=lambda: 0.0)
+        PPO_ALGORITHM.make(
+            config, env, batch.layout, seed=0, learning_rate=lambda _: config.learning_rate
+        )
         for env in (NavVecEnv(batch), IdleVecEnv(batch))
     ]
     seconds = seconds_of(models, repeats)
@@ -98,7 +100,13 @@ def cost_of_company(
 ) -> dict[str, Any]:
     """Compare a learner alone with one beside processes that keep every core busy."""
     torch.set_num_threads(threads)
-    model = make_ppo(config, NavVecEnv(batch), batch.layout, seed=0, progress=lambda: 0.0)
+    model = PPO_ALGORITHM.make(
+        config,
+        NavVecEnv(batch),
+        batch.layout,
+        seed=0,
+        learning_rate=lambda _: config.learning_rate,
+    )
     samples = config.n_envs * config.n_steps
     alone, beside = [], []
     for _ in range(rounds):
@@ -137,7 +145,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=40, help="batches that each model learns")
     options = parser.parse_args()
     keep_freed_memory()
-    config, task = PPOConfig(), task_config("static")
+    config, task = PPOConfig.model_validate({}), task_config("static")
     batch = NavigationBatch(task, world_pool(task, "train", 256), config.n_envs)
     results: dict[str, Any] = {"unit": "learner steps/s", "task": task.name}
     results["settings"] = config.model_dump(include={"n_envs", "n_steps", "batch_size", "n_epochs"})

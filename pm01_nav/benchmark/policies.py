@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Find the policy that a command names: a file, a run's folder or a classical planner."""
+"""Find the policy that a command names: a file, a run's folder, the zoo's or a planner."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pm01_nav.planners import PLANNERS, make_planner
 from pm01_nav.policy import OnnxPolicy, Policy
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.config import TaskConfig
+from pm01_nav.zoo import PREFIX, resolved, zoo_names
 
 
 def load_policy(name: str, robot: RobotSpec, control_dt: float) -> Policy:
@@ -58,12 +59,12 @@ def _stored_task(folder: Path) -> TaskConfig:
 
 
 def policy_file(name: str) -> Path:
-    """Return the file of a policy that is named by it or by its run's folder.
+    """Return the file of a policy that is named by it, by its run's folder or as ``zoo:NAME``.
 
     Raises:
         InputError: there is none.
     """
-    path = Path(name)
+    path = resolved(name)
     if path.is_dir():
         _stored_task(path)
         policy = path / "policy.onnx"
@@ -73,4 +74,7 @@ def policy_file(name: str) -> Path:
     if path.is_file():
         return path
     planners = ", ".join(sorted(PLANNERS))
-    raise InputError(f"policy = {name!r}: no such file or run folder, nor a planner ({planners})")
+    raise InputError(
+        f"policy = {name!r}: no such file or run folder, nor a planner ({planners}), nor a policy "
+        f"of the zoo ({', '.join(PREFIX + known for known in zoo_names())})"
+    )

@@ -25,10 +25,13 @@ wait_briefly()
 COMMANDS = (
     "demo",
     "train",
+    "sweep",
+    "tune",
     "evaluate",
     "benchmark",
     "report",
     "export",
+    "publish",
     "replay",
     "worlds",
     "robots",

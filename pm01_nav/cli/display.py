@@ -81,6 +81,15 @@ class TrainingDisplay:
             soft_wrap=True,
         )
 
+    def warned(self, steps: int, text: str) -> None:
+        """Print what seems to go wrong."""
+        self._console.print(
+            f"{steps:>12,} steps: warning: {escape(text)}",
+            style="yellow",
+            highlight=False,
+            soft_wrap=True,
+        )
+
 
 def results_table(columns: dict[str, dict[str, Any]], title: str) -> Table:
     """Return evaluation results as a table, one column for each policy."""
@@ -113,6 +122,48 @@ def results_table(columns: dict[str, dict[str, Any]], title: str) -> Table:
         if any(summary.get(key) is not None for summary in columns.values()):
             table.add_row(label, *(_number(s.get(key), unit) for s in columns.values()))
     return table
+
+
+def sweep_table(report: dict[str, Any]) -> Table:
+    """Return the runs of a sweep, one a row, and what they show together."""
+    suites = [name for name in report["success_rate"] if name != "all"]
+    table = Table(title=f"{report['algorithm']} on {report['task']}: success %")
+    for name in ("seed", *suites, "95 % after", "99 % after", "steps"):
+        table.add_column(name, justify="right")
+    for run in report["runs"]:
+        rates = [f"{100.0 * run['success_rate'][suite]:.1f}" for suite in suites]
+        times = [run["seconds_to_95%"], run["seconds_to_99%"]]
+        after = ["-" if t is None else f"{t:.1f} s" for t in times]
+        table.add_row(str(run["seed"]), *rates, *after, f"{run['steps']:,}")
+    table.add_section()
+    together = [_iqm(report["success_rate"][suite]) for suite in suites]
+    table.add_row("IQM", *together, "", "", "")
+    return table
+
+
+def _iqm(found: dict[str, Any]) -> str:
+    text = f"{100.0 * found['iqm']:.1f}"
+    if found["ci95"] is None:
+        return text
+    low, high = (100.0 * value for value in found["ci95"])
+    return f"{text} [{low:.1f}, {high:.1f}]"
+
+
+def tuning_table(report: dict[str, Any], rows: int = 10) -> Table:
+    """Return the best trials of a search, one a row."""
+    names = list(report["best"]["values"])
+    states = ", ".join(f"{n} {s.lower()}" for s, n in report["states"].items() if n)
+    table = Table(title=f"{report['algorithm']} on {report['task']}: {states}")
+    for name in ("trial", "success %", *names):
+        table.add_column(name, justify="right")
+    for trial in report["trials"][:rows]:
+        values = [_short(trial["values"].get(name)) for name in names]
+        table.add_row(str(trial["trial"]), f"{100.0 * trial['success_rate']:.1f}", *values)
+    return table
+
+
+def _short(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def episodes_bar() -> Progress:

@@ -171,10 +171,10 @@ def _threads() -> list[Finding]:
 
     from pm01_nav.task.config import observation_layout
     from pm01_nav.task.tasks import task_config
-    from pm01_nav.train.config import PPOConfig
+    from pm01_nav.train.algorithm_config import PPOConfig
     from pm01_nav.train.runtime import choose_threads
 
-    ppo, task = PPOConfig(), task_config("static")
+    ppo, task = PPOConfig.model_validate({}), task_config("static")
     size = observation_layout(task, task.robot_spec()).size
     choice = choose_threads(0, ppo.batch_size, size, ppo.net_arch)
     simulator = f"{numba.get_num_threads()} (all cores)"

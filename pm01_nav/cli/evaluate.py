@@ -33,7 +33,7 @@ def command(
     look_ahead: float | None,
     **options: Any,
 ) -> None:
-    """Measure POLICY: a policy.onnx, a run's folder, or a planner's name.
+    """Measure POLICY: a policy.onnx, a run's folder, zoo:NAME, or a planner's name.
 
     Planners: goal_seeking, gap_following, vfh, pure_pursuit, regulated_pure_pursuit, dwa, mppi.
 

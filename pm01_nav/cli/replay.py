@@ -45,7 +45,7 @@ def command(
     look_ahead: float | None,
     **options: Any,
 ) -> None:
-    """Film POLICY driving: a policy.onnx, a run's folder, or a planner's name.
+    """Film POLICY driving: a policy.onnx, a run's folder, zoo:NAME, or a planner's name.
 
     The episodes are the first ones of `pm01 evaluate` with the same task and seed.
 

@@ -9,6 +9,7 @@ import click
 
 from pm01_nav.cli import STARTED_AT
 from pm01_nav.cli.options import (
+    Command,
     parse_changes,
     randomization_option,
     task_from_options,
@@ -19,40 +20,62 @@ if TYPE_CHECKING:
     from pm01_nav.train.config import RunConfig
 
 DEFAULT_TIME_BUDGET = 60.0
-FLAGS = ("algo", "learner", "device", "curriculum", "seed", "time_budget", "steps")
+FLAGS = ("algo", "learner", "device", "curriculum", "seed", "time_budget", "steps", "track")
 """Options that are keys of ``train``."""
+
+
+OPTIONS = (
+    click.option(
+        "--algo",
+        metavar="NAME",
+        help="The algorithm: ppo, ppo_lstm, sac, td3 or tqc.  [default: ppo]",
+    ),
+    click.option(
+        "--learner",
+        metavar="NAME",
+        help="Who implements it: sb3, or rsl_rl, made for thousands of robots.  [default: sb3; "
+        "rsl_rl on cuda]",
+    ),
+    click.option(
+        "--device",
+        metavar="NAME",
+        help="Where robots are simulated and the policy learns: cpu, or cuda, an NVIDIA GPU.  "
+        "[default: cpu]",
+    ),
+    click.option(
+        "--curriculum",
+        metavar="NAME",
+        help="Which worlds come when: none (all alike), staged (easy ones first), automatic (those "
+        "in which the policy can learn most).  [default: none]",
+    ),
+    click.option(
+        "--time-budget",
+        type=float,
+        metavar="SECONDS",
+        help="Stop after so many seconds, start-up included. [default: 60, unless --steps]",
+    ),
+    click.option("--steps", type=int, metavar="N", help="Stop after so many environment steps."),
+    click.option(
+        "--track",
+        metavar="NAME",
+        help="Where metrics go beside TensorBoard: none, or wandb (Weights & Biases; with "
+        "WANDB_MODE=offline nothing is sent).  [default: none]",
+    ),
+)
+
+
+def training_options(command: Command) -> Command:
+    """Add the options that are keys of ``train``, but for the seed."""
+    for option in reversed(OPTIONS):
+        command = option(command)
+    return command
 
 
 @click.command("train", short_help="Train a policy.")
 @task_options
 @randomization_option
-@click.option("--algo", metavar="NAME", help="The algorithm: ppo.")
-@click.option(
-    "--learner",
-    metavar="NAME",
-    help="Who implements it: sb3, or rsl_rl, made for thousands of robots.  [default: sb3; rsl_rl "
-    "on cuda]",
-)
-@click.option(
-    "--device",
-    metavar="NAME",
-    help="Where robots are simulated and the policy learns: cpu, or cuda, an NVIDIA GPU.  "
-    "[default: cpu]",
-)
-@click.option(
-    "--curriculum",
-    metavar="NAME",
-    help="Which worlds come when: none (all alike), staged (easy ones first), automatic (those in "
-    "which the policy can learn most).  [default: none]",
-)
+@training_options
 @click.option("--seed", type=int, metavar="N", help="Seed of everything random. [default: 0]")
-@click.option(
-    "--time-budget",
-    type=float,
-    metavar="SECONDS",
-    help="Stop after so many seconds, start-up included. [default: 60, unless --steps]",
-)
-@click.option("--steps", type=int, metavar="N", help="Stop after so many environment steps.")
 @click.option("--out", metavar="DIR", help="Folder of the run; must be new or empty.")
 @click.option("--force", is_flag=True, help="Replace a run that is already in --out.")
 @click.option("--resume", metavar="DIR", help="Go on with a run as if it had never stopped.")
@@ -70,6 +93,7 @@ def command(**options: Any) -> None:
       pm01 train --task static --randomization on --out runs/robust
       pm01 train --task mixed --curriculum automatic --time-budget 600 --out runs/mixed
       pm01 train --task barn_like --steps 20000000 --out runs/barn
+      pm01 train --task static --algo sac --time-budget 300 --out runs/sac
       pm01 train --config my.yaml --set train.ppo.gamma=0.97 --out runs/y
       pm01 train --resume runs/x --time-budget 120
       pm01 train --task static --device cuda --time-budget 15 --out runs/gpu
@@ -86,7 +110,7 @@ def command(**options: Any) -> None:
     else:
         if not out:
             raise InputError("out: give --out DIR, the folder of the run")
-        config = _fresh(options)
+        config = fresh_config(options)
     folder = RunFolder(resume or out)
     run_training(config, folder, resume=bool(resume), force=force)
 
@@ -126,11 +150,16 @@ def run_config(task: Any, train_settings: dict[str, Any], source: str) -> RunCon
     return validate(RunConfig, {"task": task.model_dump(), "train": settings}, source)
 
 
-def _fresh(options: dict[str, Any]) -> RunConfig:
+def fresh_config(options: dict[str, Any]) -> RunConfig:
+    """Return the configuration that the options of a new run describe; they are used up.
+
+    Raises:
+        InputError: something is unknown or not allowed.
+    """
     from pm01_nav.config import merge
     from pm01_nav.documents import load_yaml
 
-    flags = {name: options.pop(name) for name in FLAGS}
+    flags = {name: options.pop(name, None) for name in FLAGS}
     task = task_from_options(None, **options)
     from_file = load_yaml(options["config_file"]) if options["config_file"] else {}
     settings = merge(from_file, parse_changes(options["changes"])).get("train") or {}
@@ -156,6 +185,8 @@ def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
             "config.yaml); leave the task's options away"
         )
     settings = stored.train.model_dump()
+    if flags["track"]:
+        settings["track"] = flags["track"]
     if flags["steps"] or flags["time_budget"]:
         settings |= {"steps": flags["steps"], "time_budget": flags["time_budget"]}
     settings = merge(settings, parse_changes(options["changes"]).get("train") or {})

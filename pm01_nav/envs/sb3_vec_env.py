@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
-from pm01_nav.envs.spaces import action_space, observation_space
+from pm01_nav.envs.spaces import action_space, observation_space, widened
 from pm01_nav.task.navigation import Episodes, NavigationBatch
 
 
@@ -32,7 +32,8 @@ class NavVecEnv(VecEnv):
         self._actions = np.zeros((batch.num_envs, 2))
         self._next_seeds: NDArray[np.int64] | None = None
         self.seed(seed)
-        super().__init__(batch.num_envs, observation_space(batch.layout), action_space())
+        space = widened(observation_space(batch.layout), batch.privileged)
+        super().__init__(batch.num_envs, space, action_space())
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Give environment i the seed ``seed + i`` from the next reset on."""

@@ -9,6 +9,7 @@ from gymnasium import spaces
 from pm01_nav.config import merge, validate
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.observation import ObservationLayout
+from pm01_nav.task.privileged import Privileged
 from pm01_nav.task.tasks import task_config
 
 
@@ -16,6 +17,14 @@ def observation_space(layout: ObservationLayout) -> spaces.Box:
     """Return the box of observations, shape (layout.size,), float32."""
     low, high = layout.bounds
     return spaces.Box(np.array(low, dtype=np.float32), np.array(high, dtype=np.float32))
+
+
+def widened(space: spaces.Box, privileged: Privileged | None) -> spaces.Box:
+    """Return the box of observations that privileged numbers follow; those have no bounds."""
+    if privileged is None:
+        return space
+    bound = np.full(privileged.size, np.inf, dtype=np.float32)
+    return spaces.Box(np.concatenate([space.low, -bound]), np.concatenate([space.high, bound]))
 
 
 def action_space() -> spaces.Box:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,17 +20,32 @@ from pm01_nav.task.observation import (
 )
 from pm01_nav.task.trail import Trail
 
-Network = Callable[[NDArray[np.float32]], NDArray[np.float32]]
-"""Observations in physical units (n, size) -> commands (n, 2) [m/s, rad/s]."""
+Network = Callable[..., Any]
+"""Observations in physical units (n, size) -> commands (n, 2) [m/s, rad/s].
+
+A network that remembers is given its memory (n, memory_size) as well, zeros at first, and returns
+commands and memory.
+"""
 
 
 class NetworkPolicy:
     """A network behind the ``Policy`` protocol."""
 
-    def __init__(self, layout: ObservationLayout, network: Network, control_dt: float) -> None:
-        """Show ``network`` what ``layout`` says, every ``control_dt`` [s]."""
+    def __init__(
+        self,
+        layout: ObservationLayout,
+        network: Network,
+        control_dt: float,
+        memory_size: int = 0,
+    ) -> None:
+        """Show ``network`` what ``layout`` says, every ``control_dt`` [s].
+
+        ``memory_size`` is how many numbers it remembers of a robot.
+        """
         self.layout = layout
         self.control_dt = control_dt
+        self.memory_size = memory_size
+        self._memory: NDArray[np.float32] | None = None
         self._trail: Trail | None = None
         self._frames: FrameStack | None = None
         self._network = network
@@ -38,6 +54,7 @@ class NetworkPolicy:
     def reset(self) -> None:
         """Forget the last action, scans and places before a new episode."""
         self._previous = None
+        self._memory = None
         self._trail = None
         self._frames = None
 
@@ -49,6 +66,8 @@ class NetworkPolicy:
             self._trail.keep(robots)
         if self._frames is not None:
             self._frames.keep(robots)
+        if self._memory is not None:
+            self._memory = self._memory[robots]
 
     def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> NDArray[np.float64]:
         """Return the next command (v, w) [m/s, rad/s]; one robot, or a leading batch dimension.
@@ -77,8 +96,16 @@ class NetworkPolicy:
             self.layout, scans, polar, velocity, self._previous, visited
         )
         batch = observation.reshape(-1, self.layout.size)
-        command = self._network(batch).astype(np.float64).reshape(goal.shape)
+        command = self._answer(batch).astype(np.float64).reshape(goal.shape)
         self._previous = self.layout.limits.to_action(command)
+        return command
+
+    def _answer(self, batch: NDArray[np.float32]) -> NDArray[np.float32]:
+        if not self.memory_size:
+            return self._network(batch)
+        if self._memory is None:
+            self._memory = np.zeros((len(batch), self.memory_size), dtype=np.float32)
+        command, self._memory = self._network(batch, self._memory)
         return command
 
     def _with_earlier(self, scan: NDArray[np.float32]) -> list[NDArray[np.float32]]:

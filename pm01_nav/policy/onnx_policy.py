@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pm01_nav.errors import InputError
 from pm01_nav.policy.network_policy import NetworkPolicy
 from pm01_nav.task.observation import ObservationLayout
+from pm01_nav.zoo import resolved
 
 if TYPE_CHECKING:
     from pm01_nav.robot import RobotSpec
@@ -23,24 +24,29 @@ class OnnxPolicy(NetworkPolicy):
     """A policy file that explains itself: it knows its sensors, its limits and its origin."""
 
     def __init__(self, path: str | Path, robot: RobotSpec | None = None) -> None:
-        """Load ``policy.onnx``; with ``robot``, make sure that the two fit each other.
+        """Load ``policy.onnx``, or ``zoo:NAME``; with ``robot``, make sure that the two fit.
 
         Raises:
             InputError: the file is no policy of ours, or its lidar or limits are not the robot's.
         """
-        self.path = Path(path)
+        self.path = resolved(path)
         session, self.metadata = _open(self.path)
         try:
             layout = ObservationLayout.from_dict(self.metadata["observation"])
             control_dt = float(self.metadata["control_dt"])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: unusable metadata: {error}") from error
-        width = session.get_inputs()[0].shape[-1]
+        inputs = {given.name: given.shape[-1] for given in session.get_inputs()}
+        width = next(iter(inputs.values()))
         if width != layout.size:
             raise InputError(f"{path}: network of {width} inputs, metadata of {layout.size}")
-        super().__init__(
-            layout, lambda batch: session.run(None, {"observation": batch})[0], control_dt
-        )
+        names, memory_size = tuple(inputs), int(inputs.get("memory", 0))
+
+        def network(*given: Any) -> Any:
+            answer = session.run(None, dict(zip(names, given, strict=True)))
+            return answer if memory_size else answer[0]
+
+        super().__init__(layout, network, control_dt, memory_size)
         if robot is not None:
             self._check_robot(robot)
 

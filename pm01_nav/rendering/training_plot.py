@@ -31,6 +31,7 @@ TERMS = ("#2f80ed", "#f28026", "#7c5cd6", "#00a0b0", "#c9508f", "#9a7d0a")
 DASHES = ("-", "--", ":")
 """Terms beyond the colours begin anew with another line."""
 REWARD = "reward/"
+SHARE = "reward_share/"
 CURRICULUM = "curriculum/"
 EFFECTIVE_WORLDS = f"{CURRICULUM}effective_worlds"
 FEW_POINTS = 30
@@ -75,16 +76,18 @@ def plot_training(history: History, path: str | Path, title: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     with mpl.rc_context(STYLE):
+        plots = [_plot_success, _plot_endings, _plot_terms]
         heights = [1.25, 1.0, 1.25]
-        if any(key.startswith(CURRICULUM) for key in history):
-            heights.append(0.8)
+        for prefix, plot in ((SHARE, _plot_shares), (CURRICULUM, _plot_curriculum)):
+            if any(key.startswith(prefix) for key in history):
+                plots.append(plot)
+                heights.append(0.8)
         size = (9.0, 9.6 / 3.5 * sum(heights))
         figure = Figure(figsize=size, dpi=120, layout="constrained")
         figure.get_layout_engine().set(w_pad=0.12, h_pad=0.1)  # type: ignore[union-attr,call-arg]
         panels = figure.subplots(len(heights), 1, height_ratios=heights)
         figure.suptitle(title, x=0.02, ha="left", fontsize=13, fontweight="bold")
-        plots = (_plot_success, _plot_endings, _plot_terms, _plot_curriculum)
-        for axes, plot in zip(panels, plots, strict=False):
+        for axes, plot in zip(panels, plots, strict=True):
             plot(axes, history)
             _share_time(axes, history)
         panels[-1].set_xlabel("training time [s]")
@@ -144,20 +147,45 @@ def _plot_terms(axes: Axes, history: History) -> None:
     axes.set_ylabel("part of an episode's return")
     axes.axhline(0.0, color="#b4bcc8", linewidth=1.0)
     seconds = _values(history, "seconds")
-    names = [key for key in history if key.startswith(REWARD) and len(history[key])]
-    others = 0
-    for key in names:
-        name = key.removeprefix(REWARD)
-        color, dashes = MEANINGS.get(name), "-"
-        if color is None:
-            color, dashes = TERMS[others % len(TERMS)], DASHES[others // len(TERMS) % len(DASHES)]
-            others += 1
-        style = {"color": color, "linestyle": dashes, "linewidth": 1.5}
-        _line(axes, seconds, _values(history, key), label=name.replace("_", " "), **style)
+    for key, style in _term_styles(history, REWARD).items():
+        label = key.removeprefix(REWARD).replace("_", " ")
+        _line(axes, seconds, _values(history, key), label=label, linewidth=1.5, **style)
     total = _values(history, "return")
     if len(total):
         _line(axes, seconds, total, color=INK, linewidth=2.4, label="return")
     _legend(axes)
+
+
+def _plot_shares(axes: Axes, history: History) -> None:
+    axes.set_title("What the return is made of")
+    axes.set_ylabel("share, without signs [%]")
+    seconds, styles = _values(history, "seconds"), _term_styles(history, SHARE)
+    low = np.zeros(len(seconds))
+    for key, style in styles.items():
+        high = low + 100.0 * np.nan_to_num(_values(history, key))
+        label = key.removeprefix(SHARE).replace("_", " ")
+        hatch = None if style["linestyle"] == "-" else "//"
+        color = style["color"]
+        axes.fill_between(
+            seconds, low, high, facecolor=color, alpha=0.55, hatch=hatch, label=label, linewidth=0
+        )
+        low = high
+    _percent(axes)
+    _legend(axes)
+
+
+def _term_styles(history: History, prefix: str) -> dict[str, dict[str, Any]]:
+    """Return how each term is drawn, the same in every panel."""
+    styles, others = {}, 0
+    for key in history:
+        if not key.startswith(prefix) or not len(history[key]):
+            continue
+        color, dashes = MEANINGS.get(key.removeprefix(prefix)), "-"
+        if color is None:
+            color, dashes = TERMS[others % len(TERMS)], DASHES[others // len(TERMS) % len(DASHES)]
+            others += 1
+        styles[key] = {"color": color, "linestyle": dashes}
+    return styles
 
 
 def _plot_curriculum(axes: Axes, history: History) -> None:

@@ -16,6 +16,7 @@ from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.frames import FrameStack
 from pm01_nav.task.observation import ObservationLayout, build_observation, show_ranges
+from pm01_nav.task.privileged import Privileged
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.step import Step
 from pm01_nav.task.terminations import judge, out_of_time
@@ -99,11 +100,13 @@ class NavigationBatch:
         *,
         autoreset: bool = True,
         arrays: Arrays = NUMPY,
+        privileged: Privileged | None = None,
     ) -> None:
         """Prepare ``num_envs`` robots in the worlds of ``pool``; call ``reset`` before ``step``.
 
         Without ``autoreset`` the caller resets after an episode's end. ``arrays`` are those that
         the batch keeps, takes and returns; where they are on a GPU, so is the simulator.
+        ``privileged`` numbers, for a critic, follow those of each observation (numpy only).
         """
         self.config = config
         self.autoreset = autoreset
@@ -111,6 +114,7 @@ class NavigationBatch:
         self.layout = observation_layout(config, self.robot)
         self.num_envs = num_envs
         self.arrays = arrays
+        self.privileged = privileged
         self.simulator = make_simulator(
             config.backend,
             arrays,
@@ -152,7 +156,7 @@ class NavigationBatch:
     def observe(self, indices: NDArray[np.int64] | slice = ALL) -> NDArray[np.float32]:
         """Return the present observations as environments give them, shape (n, size)."""
         sim = self.simulator
-        return build_observation(
+        observation = build_observation(
             self.layout,
             self._frames.show(indices) if self._frames else [self._scan(indices)],
             sim.measured_goal[indices],
@@ -161,6 +165,10 @@ class NavigationBatch:
             sim.state.visited[indices],
             normalized=self.layout.normalize,
         )
+        if self.privileged is None:
+            return observation
+        more = self.privileged.observe(sim.state, indices)
+        return self.arrays.xp.concat([observation, more], axis=-1)
 
     def _scan(self, indices: NDArray[np.int64] | slice = ALL) -> NDArray[np.float32]:
         """Return the present scans as observations show them, shape (n, sectors)."""

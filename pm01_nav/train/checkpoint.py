@@ -17,24 +17,48 @@ import torch
 
 from pm01_nav.errors import InputError
 from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.train.environment import environment_state, restore_environment
+from pm01_nav.train.learner import Algorithm
 
-FORMAT = 1
+FORMAT = 2
 
 
-def save_checkpoint(path: Path, model: Any, batch: NavigationBatch, extra: dict[str, Any]) -> None:
-    """Write a checkpoint of SB3's PPO, or of what looks like it, under a temporary name; rename."""
-    data = {
+def save_checkpoint(
+    path: Path, model: Any, algorithm: Algorithm, batch: NavigationBatch, extra: dict[str, Any]
+) -> None:
+    """Write all that a run needs to go on."""
+    original = getattr(model, "_last_original_obs", None)
+    _write(
+        path,
+        _weights(model)
+        | {
+            "learner": algorithm.state(model),
+            "n_updates": model._n_updates,
+            "last_obs": torch.from_numpy(np.array(model._last_obs)),
+            "last_original_obs": None if original is None else torch.from_numpy(original.copy()),
+            "batch": {name: _to_tensor(array) for name, array in batch.state_dict().items()},
+            "random": _random_state(),
+            "extra": extra,
+        },
+    )
+
+
+def save_weights(path: Path, model: Any) -> None:
+    """Write what it takes to export the policy, and no more."""
+    _write(path, _weights(model))
+
+
+def _weights(model: Any) -> dict[str, Any]:
+    return {
         "format": FORMAT,
         "policy": model.policy.state_dict(),
-        "optimizer": model.policy.optimizer.state_dict(),
+        "environment": environment_state(getattr(model, "env", None)),
         "num_timesteps": model.num_timesteps,
-        "n_updates": model._n_updates,
-        "last_obs": torch.from_numpy(np.array(model._last_obs)),
-        "last_episode_starts": torch.from_numpy(np.array(model._last_episode_starts)),
-        "batch": {name: _to_tensor(array) for name, array in batch.state_dict().items()},
-        "random": _random_state(),
-        "extra": extra,
     }
+
+
+def _write(path: Path, data: dict[str, Any]) -> None:
+    """Write a checkpoint under a temporary name and rename it."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     torch.save(data, temporary)
     temporary.replace(path)
@@ -57,15 +81,18 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     return data
 
 
-def restore(data: dict[str, Any], path: Path, model: Any, batch: NavigationBatch) -> None:
+def restore(
+    data: dict[str, Any], path: Path, model: Any, algorithm: Algorithm, batch: NavigationBatch
+) -> None:
     """Bring learner, environments and random numbers to where the checkpoint was taken.
 
     Raises:
-        InputError: it belongs to another task, network or number of robots.
+        InputError: it belongs to another task, algorithm, network or number of robots.
     """
     try:
         model.policy.load_state_dict(data["policy"])
-        model.policy.optimizer.load_state_dict(data["optimizer"])
+        algorithm.restore(model, data["learner"])
+        restore_environment(getattr(model, "env", None), data["environment"])
         batch.load_state_dict({name: _to_array(t) for name, t in data["batch"].items()})
     except (RuntimeError, ValueError, KeyError) as error:
         reason = " ".join(str(error).split())[:160]
@@ -73,7 +100,8 @@ def restore(data: dict[str, Any], path: Path, model: Any, batch: NavigationBatch
     model.num_timesteps = data["num_timesteps"]
     model._n_updates = data["n_updates"]
     model._last_obs = data["last_obs"].numpy()
-    model._last_episode_starts = data["last_episode_starts"].numpy()
+    if data["last_original_obs"] is not None:
+        model._last_original_obs = data["last_original_obs"].numpy()
     _restore_random(data["random"])
 
 

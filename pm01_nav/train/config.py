@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a policy is trained; PPO's parameters carry the names that SB3 and RL Zoo give them."""
+"""How a policy is trained."""
 
 from __future__ import annotations
 
@@ -9,38 +9,21 @@ from pydantic import Field, model_validator
 
 from pm01_nav.arrays import Device
 from pm01_nav.config import FrozenModel
-from pm01_nav.robot import NonNegative, Positive
+from pm01_nav.robot import Positive
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.curriculum import AutomaticConfig, CurriculumName, StagedConfig
+from pm01_nav.train.algorithm_config import (
+    AlgorithmConfig,
+    Count,
+    PPOConfig,
+    PPOLSTMConfig,
+    SACConfig,
+    TD3Config,
+    TQCConfig,
+)
+from pm01_nav.train.curiosity_config import ICMConfig, RNDConfig
 
-Count = Annotated[int, Field(ge=1)]
-Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
-
-
-class PPOConfig(FrozenModel):
-    """Hyper-parameters of PPO, tuned for the batched environment."""
-
-    n_envs: Count = 512
-    """Robots that drive side by side."""
-    n_steps: Count = 32
-    """Steps of each robot between two updates."""
-    batch_size: Count = 4096
-    n_epochs: Count = 5
-    learning_rate: Positive = 2e-3
-    learning_rate_final: Fraction = 0.03
-    """Part of the learning rate that is left at the end of the budget; it falls linearly."""
-    gamma: Fraction = 0.995
-    gae_lambda: Fraction = 0.95
-    clip_range: Positive = 0.2
-    ent_coef: NonNegative = 0.01
-    """Without it the exploration on ``mixed`` ends after 5 M steps, and the learning with it."""
-    vf_coef: NonNegative = 0.5
-    max_grad_norm: Positive = 0.5
-    net_arch: tuple[Count, ...] = (128, 128)
-    activation: Literal["relu", "tanh", "elu"] = "relu"
-    log_std_init: float = -0.5
-    reward_scale: Positive = 0.02
-    """The algorithm sees rewards times this; logged returns are not scaled."""
+AlgorithmName = Literal["ppo", "ppo_lstm", "sac", "td3", "tqc"]
 
 
 def device_defaults(device: str) -> dict[str, Any]:
@@ -54,7 +37,8 @@ def device_defaults(device: str) -> dict[str, Any]:
 class TrainConfig(FrozenModel):
     """One training run: what, how, how long and how often to look."""
 
-    algo: Literal["ppo"] = "ppo"
+    algo: AlgorithmName = "ppo"
+    """The algorithm; its hyper-parameters stand in the section of its name."""
     learner: Literal["sb3", "rsl_rl"] = "sb3"
     """Who implements the algorithm: Stable-Baselines3, or rsl_rl, made for thousands of robots."""
     device: Device = "cpu"
@@ -71,7 +55,17 @@ class TrainConfig(FrozenModel):
     """Seconds between two checkpoints."""
     threads: Annotated[int, Field(ge=0)] = 0
     """Threads of the learner; 0 measures at the start which number is fastest."""
-    ppo: PPOConfig = PPOConfig()
+    ppo: PPOConfig = PPOConfig.model_validate({})
+    ppo_lstm: PPOLSTMConfig = PPOLSTMConfig.model_validate({})
+    sac: SACConfig = SACConfig.model_validate({})
+    td3: TD3Config = TD3Config.model_validate({})
+    tqc: TQCConfig = TQCConfig.model_validate({})
+    track: Literal["none", "wandb"] = "none"
+    """Where metrics go beside TensorBoard."""
+    icm: ICMConfig | None = None
+    """Intrinsic curiosity beside the task's reward; ``{}`` takes its defaults."""
+    rnd: RNDConfig | None = None
+    """Random network distillation likewise; both can be had at once."""
     curriculum: CurriculumName = "none"
     """How the worlds of the training episodes are chosen."""
     staged: StagedConfig = StagedConfig()
@@ -85,13 +79,26 @@ class TrainConfig(FrozenModel):
             raise ValueError("give steps, time_budget or both")
         if self.learner == "sb3" and self.device != "cpu":
             raise ValueError(f"device = {self.device}: needs learner = rsl_rl")
-        samples = self.ppo.n_envs * self.ppo.n_steps
-        if samples % self.ppo.batch_size:
-            raise ValueError(
-                f"ppo.batch_size must divide ppo.n_envs x ppo.n_steps = {samples}, "
-                f"not {self.ppo.batch_size}"
-            )
+        if self.learner == "rsl_rl":
+            self._check_rsl_rl()
         return self
+
+    def _check_rsl_rl(self) -> None:
+        if self.algo != "ppo":
+            raise ValueError(f"algo = {self.algo}: rsl_rl has ppo alone; give learner = sb3")
+        plain = {"features_extractor": "flat", "asymmetric_critic": False}
+        plain |= {"norm_obs": False, "norm_reward": False}
+        for name, value in plain.items():
+            if getattr(self.ppo, name) != value:
+                raise ValueError(f"ppo.{name}: rsl_rl does not have it; give learner = sb3")
+        for name in ("icm", "rnd"):
+            if getattr(self, name) is not None:
+                raise ValueError(f"{name}: rsl_rl does not have it; give learner = sb3")
+
+    @property
+    def hyperparameters(self) -> AlgorithmConfig:
+        """The section of the algorithm in use."""
+        return getattr(self, self.algo)
 
 
 class RunConfig(FrozenModel):

@@ -31,11 +31,15 @@ class History:
         self._recent.extend(endings)
 
     def end_iteration(
-        self, seconds: float, steps: int, curriculum: dict[str, float]
+        self,
+        seconds: float,
+        steps: int,
+        curriculum: dict[str, float],
+        more: dict[str, float] | None = None,
     ) -> dict[str, float]:
         """Close an iteration and return its row; rates are over the last ``WINDOW`` episodes.
 
-        The metrics of a ``curriculum`` are put down as ``curriculum/<name>``.
+        The metrics of a ``curriculum`` are put down as ``curriculum/<name>``, ``more`` as they are.
         """
         row: dict[str, float] = {"seconds": seconds, "steps": float(steps)}
         recent = np.array(self._recent, dtype=np.float64).reshape(-1, 2)
@@ -50,9 +54,12 @@ class History:
             row |= dict.fromkeys(("success_rate", "collision_rate", "timeout_rate"), float("nan"))
         row |= self._episode_means()
         row |= {f"curriculum/{name}": value for name, value in curriculum.items()}
+        row |= more or {}
         self._episodes.clear()
+        # What only became known now was not known before.
+        before = [float("nan")] * len(self.columns.get("seconds", ()))
         for name, value in row.items():
-            self.columns.setdefault(name, []).append(value)
+            self.columns.setdefault(name, list(before)).append(value)
         return row
 
     def add_evaluation(self, seconds: float, summary: dict[str, Any]) -> None:
@@ -93,6 +100,8 @@ class History:
             f"reward/{name}": float(np.concatenate([e.terms[name] for e in self._episodes]).mean())
             for name in terms
         }
+        total = sum(abs(mean) for mean in means.values()) or 1.0
+        shares = {f"reward_share/{name}": abs(means[f"reward/{name}"]) / total for name in terms}
         returns = np.concatenate([e.returns for e in self._episodes])
         steps = np.concatenate([e.steps for e in self._episodes])
-        return {"return": float(returns.mean()), "length": float(steps.mean()), **means}
+        return {"return": float(returns.mean()), "length": float(steps.mean()), **means, **shares}

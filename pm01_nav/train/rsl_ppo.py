@@ -22,12 +22,12 @@ from tensordict import TensorDict
 
 from pm01_nav.errors import InputError
 from pm01_nav.task.navigation import Episodes, MaskedStep, NavigationBatch
+from pm01_nav.train.algorithm_config import PPOConfig
 from pm01_nav.train.budget import Budget
-from pm01_nav.train.config import PPOConfig
 from pm01_nav.train.ppo import make_policy
 
 if TYPE_CHECKING:
-    from pm01_nav.train.trainer import Supervision
+    from pm01_nav.train.supervision import Supervision
 
 GROUP = "policy"
 """rsl_rl's name for a group of observations; we have one."""

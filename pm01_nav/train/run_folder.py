@@ -9,6 +9,7 @@ from pathlib import Path
 from pm01_nav.config import to_yaml, validate, write_atomically
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
+from pm01_nav.train.algorithms import ALGORITHMS
 from pm01_nav.train.config import RunConfig
 
 
@@ -23,6 +24,7 @@ class RunFolder:
         self.best = self.path / "best.pt"
         self.policy = self.path / "policy.onnx"
         self.history = self.path / "history.json"
+        self.record = self.path / "run.json"
         self.metrics = self.path / "metrics.json"
         self.plot = self.path / "training.png"
         self.tensorboard = self.path / "tensorboard"
@@ -61,8 +63,10 @@ class RunFolder:
         self.store(config)
 
     def store(self, config: RunConfig) -> None:
-        """Write the effective configuration."""
-        write_atomically(self.config, to_yaml(config.model_dump(mode="json")))
+        """Write the effective configuration, without the sections of other algorithms."""
+        unused = set(ALGORITHMS) - {config.train.algo}
+        data = config.model_dump(mode="json", exclude={"train": unused})
+        write_atomically(self.config, to_yaml(data))
 
     def load_config(self) -> RunConfig:
         """Read the stored configuration.

@@ -231,3 +231,54 @@ def test_global_plan_leads_a_blind_planner_through_a_map(tmp_path):
     assert alone["success_rate"] < 0.8
     assert led["success_rate"] >= 0.95
     assert led["global_plan_look_ahead_m"] == 1.5
+
+
+def test_sweep_trains_measures_and_is_gone_on_with(tmp_path):
+    arguments = ["sweep", "--task", "static", "--steps", "512", *SMALL, "--seeds", "1"]
+    arguments += ["--episodes", "4", "--suite", "static", "--suite", "empty", "--out", "x"]
+    done = pm01(*arguments, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "x" / "sweep.json").read_text())
+    assert set(report["success_rate"]) == {"all", "static", "empty"}
+    assert report["runs"][0]["steps"] == 512
+    files = {path.name for path in (tmp_path / "x" / "seed_0").iterdir()}
+    assert {"policy.onnx", "history.json", "config.yaml", "run.json"} <= files
+    assert (tmp_path / "x" / "sweep.png").exists()
+    before = (tmp_path / "x" / "seed_0" / "history.json").stat().st_mtime_ns
+    assert pm01(*arguments, cwd=tmp_path).returncode == 0
+    assert (tmp_path / "x" / "seed_0" / "history.json").stat().st_mtime_ns == before
+
+
+def test_publish_sends_nothing(tmp_path):
+    done = pm01("publish", "zoo:pm01-static", "-o", "x", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "--dry-run" in done.stderr
+    assert not (tmp_path / "x").exists()
+    assert pm01("publish", "zoo:pm01-static", "--dry-run", "-o", "x", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "x" / "README.md").exists()
+
+
+@pytest.mark.slow
+def test_tune_in_two_processes_shares_one_study(tmp_path):
+    pytest.importorskip("optuna")
+    (tmp_path / "space.yaml").write_text("learning_rate: {low: 1.0e-4, high: 1.0e-2, log: true}\n")
+    arguments = ["tune", "--task", "static", "--steps", "512", *SMALL, "--trials", "3"]
+    arguments += ["--jobs", "2", "--space", "space.yaml", "--out", "x"]
+    done = pm01(*arguments, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "x" / "tuning.json").read_text())
+    assert report["states"]["COMPLETE"] >= 3
+    best = pm01(
+        "train",
+        "--task",
+        "static",
+        "--config",
+        "x/best.yaml",
+        "--steps",
+        "512",
+        *SMALL,
+        "--out",
+        "y",
+        cwd=tmp_path,
+    )
+    assert best.returncode == 0, best.stderr

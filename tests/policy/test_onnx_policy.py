@@ -25,7 +25,7 @@ from pm01_nav.policy.onnx_policy import METADATA_KEY
 from pm01_nav.robot import RobotSpec, load_robot
 from pm01_nav.task.config import observation_layout
 from pm01_nav.task.tasks import task_config
-from pm01_nav.train.config import PPOConfig
+from pm01_nav.train.algorithm_config import PPOConfig
 from pm01_nav.train.ppo import make_policy
 
 INF, NAN = np.inf, np.nan

@@ -23,3 +23,6 @@ class Quiet:
 
     def evaluated(self, steps, summary):
         pass
+
+    def warned(self, steps, text):
+        pass

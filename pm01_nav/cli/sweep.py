@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``pm01 sweep``."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import click
+
+from pm01_nav.cli.options import randomization_option, task_options
+from pm01_nav.cli.train import fresh_config, training_options
+
+
+@click.command("sweep", short_help="Train with many seeds and report what they show together.")
+@task_options
+@randomization_option
+@training_options
+@click.option("--seeds", type=click.IntRange(1, 1000), default=5, show_default=True, metavar="N")
+@click.option("--first-seed", type=click.IntRange(0), default=0, show_default=True, metavar="N")
+@click.option("--out", required=True, metavar="DIR", help="Folder of the sweep; gone on with.")
+@click.option("--suite", "suites", multiple=True, metavar="NAME", help="Measure on this task, too.")
+@click.option("--episodes", type=click.IntRange(1), default=1000, show_default=True)
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Seeds at a time on this machine. With --time-budget more than 1 makes each slower.",
+)
+@click.option("--ray", "ray_address", metavar="ADDRESS", help="Use a Ray cluster: host:port, auto.")
+def command(
+    seeds: int,
+    first_seed: int,
+    out: str,
+    suites: tuple[str, ...],
+    episodes: int,
+    jobs: int,
+    ray_address: str | None,
+    **options: Any,
+) -> None:
+    """Train with the seeds 0 to N - 1, measure each policy, write sweep.json and sweep.png.
+
+    Success is reported for every seed and as the interquartile mean over all with its 95 %
+    bootstrap interval (Agarwal et al. 2021). Seeds that are done are not run again.
+
+    \b
+    Examples:
+      pm01 sweep --task static --time-budget 60 --seeds 5 --out sweeps/static
+      pm01 sweep --task static --algo sac --steps 500000 --seeds 10 --jobs 2 --out sweeps/sac
+    """
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from pm01_nav.cli.display import sweep_table
+    from pm01_nav.config import to_yaml, write_atomically
+    from pm01_nav.errors import InputError
+    from pm01_nav.rendering.sweep_plot import plot_sweep
+    from pm01_nav.train.executors import make_executor
+    from pm01_nav.train.sweep import SeedJob, Sweep
+
+    config = fresh_config(options)
+    threads = 1 if jobs > 1 or ray_address else 0
+    job = SeedJob(to_yaml(config.model_dump(mode="json")), 0, suites, episodes, 1, threads)
+    sweep = Sweep(Path(out), config, range(first_seed, first_seed + seeds))
+    failed = sweep.run(make_executor(jobs, ray_address), job, _told)
+    report = sweep.report()
+    write_atomically(sweep.folder / "sweep.json", json.dumps(report, indent=2) + "\n")
+    plot_sweep(report, sweep.folder / "sweep.png")
+    Console().print(sweep_table(report))
+    click.echo(f"wrote {sweep.folder / 'sweep.json'} and sweep.png")
+    if failed:
+        raise InputError(f"seeds {sorted(failed)} failed; the same command tries them again")
+
+
+def _told(seed: int, error: str | None) -> None:
+    click.echo(f"seed {seed}: {error or 'done'}", err=True)

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``pm01 tune``."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import click
+
+from pm01_nav.cli.options import randomization_option, task_options
+from pm01_nav.cli.train import fresh_config, training_options
+
+
+@click.command("tune", short_help="Search for hyper-parameters.")
+@task_options
+@randomization_option
+@training_options
+@click.option("--trials", type=click.IntRange(1), default=20, show_default=True, metavar="N")
+@click.option("--out", required=True, metavar="DIR", help="Folder of the study; gone on with.")
+@click.option("--space", metavar="FILE", help="YAML of what is searched. [default: by algorithm]")
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Trials at a time on this machine.",
+)
+@click.option(
+    "--storage",
+    metavar="URL",
+    help="An SQL database to keep the study in, for several machines. [default: a file in --out]",
+)
+@click.option("--ray", "ray_address", metavar="ADDRESS", help="Use a Ray cluster; needs --storage.")
+def command(
+    trials: int,
+    out: str,
+    space: str | None,
+    jobs: int,
+    storage: str | None,
+    ray_address: str | None,
+    **options: Any,
+) -> None:
+    """Train with many settings and keep what succeeds most on held-out worlds.
+
+    Optuna proposes settings (TPE) and ends trials that do worse than the median of the others at
+    the same time. The study is kept: the same command goes on with it until it has N trials.
+    Success of trials is measured on the worlds of the evaluation along the way; measure the winner
+    with `pm01 sweep` before you believe it.
+
+    \b
+    Examples:
+      pm01 tune --task static --steps 500000 --trials 30 --out tuning/static
+      pm01 train --task static --config tuning/static/best.yaml --out runs/tuned
+    """
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from pm01_nav.cli.display import tuning_table
+    from pm01_nav.errors import InputError
+    from pm01_nav.train.executors import make_executor
+    from pm01_nav.train.tuning import Tuning, default_space, load_space
+
+    if ray_address and not storage:
+        raise InputError("ray: several machines need --storage, a database that all of them reach")
+    config = fresh_config(options)
+    chosen = load_space(space) if space else default_space(config.train.algo)
+    tuning = Tuning(Path(out), config, chosen, storage)
+    tuning.study()
+    if jobs == 1 and not ray_address:
+        tuning.work(trials)
+    else:
+        executor = make_executor(jobs, ray_address)
+        for done in executor.run(work_in_a_process, [_worker_arguments()] * jobs):
+            if done.error:
+                click.echo(f"worker {done.index}: {done.error}", err=True)
+    Console().print(tuning_table(tuning.write_report()))
+    click.echo(f"wrote {tuning.folder / 'tuning.json'} and best.yaml")
+
+
+def _worker_arguments() -> list[str]:
+    """Return this command's arguments for one of its workers: one trial at a time, without Ray."""
+    kept, given = [], iter(sys.argv[1:])
+    for argument in given:
+        if argument in ("--jobs", "--ray"):
+            next(given, None)
+        elif not argument.startswith(("--jobs=", "--ray=")):
+            kept.append(argument)
+    return kept
+
+
+def work_in_a_process(arguments: list[str]) -> None:
+    """Run `pm01` with these arguments.
+
+    Raises:
+        RuntimeError: it failed; the text is its last words.
+    """
+    code = "from pm01_nav.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        words = " ".join((done.stderr or done.stdout).split())[-300:]
+        raise RuntimeError(f"ended with {done.returncode}: {words}")

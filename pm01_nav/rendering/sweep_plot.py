@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Learning curves of many seeds as one picture."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pm01_nav.errors import InputError
+from pm01_nav.rendering.training_plot import HELD_OUT, INK, STYLE
+
+
+def plot_sweep(report: dict[str, Any], path: str | Path) -> None:
+    """Draw the report of a sweep into a PNG: every seed, their IQM and its interval.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
+    try:
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise InputError("a plot needs: pip install 'pm01-nav[viz]'") from error
+    path = Path(path)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.0, 4.5), dpi=120, layout="constrained")
+        axes = figure.subplots()
+        curve = report["curve"]
+        for seconds, rates in curve["seeds"].values():
+            axes.plot(seconds, 100.0 * np.array(rates), color=INK, alpha=0.35, linewidth=1.0)
+        axes.plot([], [], color=INK, alpha=0.35, label="each seed")
+        low_high = [pair or (np.nan, np.nan) for pair in curve["ci95"]]
+        low, high = 100.0 * np.array(low_high, dtype=np.float64).T
+        axes.fill_between(curve["seconds"], low, high, color=HELD_OUT, alpha=0.2, linewidth=0.0)
+        iqm = 100.0 * np.array(curve["iqm"])
+        label = "IQM, 95 % bootstrap interval"
+        axes.plot(curve["seconds"], iqm, color=HELD_OUT, linewidth=2.2, label=label)
+        for level in (95.0, 99.0):
+            axes.axhline(level, color="#b4bcc8", linewidth=0.8, linestyle="--")
+        count = len(curve["seeds"])
+        axes.set_title(f"{report['algorithm']} on {report['task']}, {count} seeds")
+        axes.set_xlabel("training time [s]")
+        axes.set_ylabel("success on held-out worlds [%]")
+        axes.set_ylim(0.0, 101.0)
+        axes.legend(loc="lower right")
+        try:
+            figure.savefig(partial, format="png")
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)

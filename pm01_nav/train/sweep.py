@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Train the same thing with many seeds, measure every policy, and say what they show together."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pm01_nav.config import to_yaml, write_atomically
+from pm01_nav.documents import load_json
+from pm01_nav.errors import InputError
+from pm01_nav.provenance import provenance
+from pm01_nav.train.config import RunConfig
+from pm01_nav.train.executors import Executor
+from pm01_nav.train.statistics import curves_at, iqm_with_interval, time_to
+
+KEPT = ("config.yaml", "history.json", "run.json", "policy.onnx")
+"""Files of a run that a sweep keeps."""
+EVALUATIONS = "evaluations.json"
+"""The last file of a seed to be written: a seed that has it is done."""
+LEVELS = (0.95, 0.99)
+POINTS = 200
+"""Points of the learning curves in the report."""
+PM01 = (sys.executable, "-c", "from pm01_nav.cli import main; main()")
+
+
+@dataclass(frozen=True)
+class SeedJob:
+    """One seed of a sweep: all that another machine must know to run it."""
+
+    config: str
+    """The run's configuration as YAML."""
+    seed: int
+    suites: tuple[str, ...]
+    """Tasks to measure the policy on, by name; none means the one it was trained on."""
+    episodes: int
+    eval_seed: int
+    threads: int
+    """Threads of simulator and learner; 0 leaves it to them."""
+
+
+def run_seed(job: SeedJob) -> dict[str, bytes]:
+    """Train and measure in processes of their own; return the files that are worth keeping.
+
+    Raises:
+        RuntimeError: a command failed; the text is its last words.
+    """
+    environment = dict(os.environ)
+    if job.threads:
+        environment["NUMBA_NUM_THREADS"] = str(job.threads)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "given.yaml").write_text(job.config, encoding="utf-8")
+        given = ("--config", str(folder / "given.yaml"), "--seed", str(job.seed))
+        threads = ("--set", f"train.threads={job.threads}") if job.threads else ()
+        out = folder / f"seed_{job.seed}"
+        _command(("train", *given, *threads, "--out", str(out)), environment)
+        files = {file: (out / file).read_bytes() for file in KEPT}
+        measured = {}
+        for suite in job.suites or (None,):
+            chosen = ("--task", suite) if suite else ()
+            many = ("--episodes", str(job.episodes), "--seed", str(job.eval_seed), "--json", "-")
+            text = _command(("evaluate", str(out), *chosen, *many), environment)
+            measured[suite or "training task"] = json.loads(text)
+    return files | {EVALUATIONS: json.dumps(measured, indent=2).encode()}
+
+
+def _command(arguments: Sequence[str], environment: dict[str, str]) -> str:
+    done = subprocess.run(
+        [*PM01, *arguments], env=environment, capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        words = " ".join((done.stderr or done.stdout).split())[-300:]
+        raise RuntimeError(f"pm01 {arguments[0]} ended with {done.returncode}: {words}")
+    return done.stdout
+
+
+class Sweep:
+    """Many seeds of one configuration in a folder, which can be gone on with."""
+
+    def __init__(self, folder: Path, config: RunConfig, seeds: Sequence[int]) -> None:
+        """Name the folder and the runs; nothing is read or written."""
+        self.folder, self.config, self.seeds = folder, config, list(seeds)
+
+    def missing(self) -> list[int]:
+        """Return the seeds that are not done.
+
+        Raises:
+            InputError: the folder holds a sweep of another configuration.
+        """
+        text = to_yaml(self.config.model_dump(mode="json"))
+        stored = self.folder / "config.yaml"
+        if stored.is_file():
+            if stored.read_text(encoding="utf-8") != text:
+                raise InputError(
+                    f"out = {self.folder}: holds a sweep with other settings (see its config.yaml)"
+                )
+        elif self.folder.is_dir() and any(self.folder.iterdir()):
+            raise InputError(f"out = {self.folder}: is not empty and no sweep")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        write_atomically(stored, text)
+        return [s for s in self.seeds if not (self._seed_folder(s) / EVALUATIONS).is_file()]
+
+    def run(
+        self, executor: Executor, job: SeedJob, told: Callable[[int, str | None], None]
+    ) -> dict[int, str]:
+        """Run the missing seeds like ``job``; return errors, of which ``told`` hears at once."""
+        missing = self.missing()
+        jobs = [replace(job, seed=seed) for seed in missing]
+        failed: dict[int, str] = {}
+        for done in executor.run(run_seed, jobs):
+            seed = missing[done.index]
+            if done.error is None:
+                self._keep(seed, done.result)
+            else:
+                failed[seed] = done.error
+            told(seed, done.error)
+        return failed
+
+    def report(self) -> dict[str, Any]:
+        """Return what the seeds that are done show, one by one and together.
+
+        Raises:
+            InputError: none is done.
+        """
+        done = [s for s in self.seeds if (self._seed_folder(s) / EVALUATIONS).is_file()]
+        if not done:
+            raise InputError(f"{self.folder}: no seed is done")
+        runs = [self._describe(seed) for seed in done]
+        suites = list(runs[0]["success_rate"])
+        scores = np.array([[run["success_rate"][suite] for suite in suites] for run in runs])
+        together: dict[str, Any] = {"all": iqm_with_interval(scores)}
+        for k, suite in enumerate(suites):
+            together[suite] = iqm_with_interval(scores[:, k : k + 1])
+        return {
+            "task": self.config.task.name,
+            "algorithm": self.config.train.algo,
+            "seeds_done": done,
+            "seeds_missing": [s for s in self.seeds if s not in done],
+            "success_rate": together,
+            "runs": runs,
+            "curve": self._curve(done),
+            **provenance(),
+        }
+
+    def _describe(self, seed: int) -> dict[str, Any]:
+        history = load_json(self._seed_folder(seed) / "history.json")
+        measured = load_json(self._seed_folder(seed) / EVALUATIONS)
+        rates, seconds = history["eval_success_rate"], history["eval_seconds"]
+        names = ("success_rate", "collision_rate", "timeout_rate", "spl")
+        return {
+            "seed": seed,
+            "steps": int(history["steps"][-1]),
+            "seconds": round(history["seconds"][-1], 1),
+            **{name: {suite: m[name] for suite, m in measured.items()} for name in names},
+            **{f"seconds_to_{level:.0%}": time_to(rates, seconds, level) for level in LEVELS},
+        }
+
+    def _curve(self, done: Sequence[int]) -> dict[str, Any]:
+        """Return the success of the evaluations along the way over time, and over all seeds."""
+        histories = [load_json(self._seed_folder(s) / "history.json") for s in done]
+        curves = [(h["eval_seconds"], h["eval_success_rate"]) for h in histories]
+        first = max(min(x) for x, _ in curves)
+        times = np.linspace(first, max(max(x) for x, _ in curves), POINTS)
+        rows = curves_at(times, curves)
+        found = [iqm_with_interval(rows[:, [k]]) for k in range(len(times))]
+        return {
+            "seconds": times.round(2).tolist(),
+            "iqm": [f["iqm"] for f in found],
+            "ci95": [f["ci95"] for f in found],
+            "seeds": {str(s): [list(x), list(y)] for s, (x, y) in zip(done, curves, strict=True)},
+        }
+
+    def _keep(self, seed: int, files: dict[str, bytes]) -> None:
+        folder = self._seed_folder(seed)
+        folder.mkdir(exist_ok=True)
+        for name, content in sorted(files.items(), key=lambda item: item[0] == EVALUATIONS):
+            write_atomically(folder / name, content)
+
+    def _seed_folder(self, seed: int) -> Path:
+        return self.folder / f"seed_{seed}"

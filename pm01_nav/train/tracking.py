@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a run's metrics go beside TensorBoard, and what is put down about the run itself."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
+
+from pm01_nav.config import write_atomically
+from pm01_nav.documents import load_json
+from pm01_nav.errors import InputError
+from pm01_nav.provenance import provenance
+from pm01_nav.train.config import RunConfig
+from pm01_nav.train.run_folder import RunFolder
+
+PROJECT = "pm01-nav"
+"""Name of the project on Weights & Biases."""
+
+
+class WandbWriter(KVWriter):
+    """Send what is logged to Weights & Biases, or write it for later (``WANDB_MODE=offline``)."""
+
+    def __init__(self, config: RunConfig, folder: RunFolder) -> None:
+        """Begin a run there, or go on with the one of this folder.
+
+        Raises:
+            InputError: wandb is not installed or cannot begin.
+        """
+        try:
+            import wandb
+            from wandb.errors import Error
+        except ImportError as error:
+            raise InputError("track = 'wandb': pip install 'pm01-nav[wandb]'") from error
+        try:
+            self._run = wandb.init(
+                project=PROJECT,
+                name=folder.path.name,
+                id=_identity(folder),
+                resume="allow",
+                dir=str(folder.path),
+                config=config.model_dump(mode="json"),
+            )
+        except Error as error:
+            reason = " ".join(str(error).split())[:200]
+            raise InputError(
+                f"track = 'wandb': {reason}; WANDB_MODE=offline writes to the run's folder"
+            ) from error
+
+    def write(
+        self,
+        key_values: dict[str, Any],
+        key_excluded: dict[str, tuple[str, ...]],
+        step: int = 0,
+    ) -> None:
+        """Send the numbers of one point of the log."""
+        numbers = {n: v for n, v in key_values.items() if not isinstance(v, str)}
+        self._run.log(numbers | {"steps": step})
+
+    def close(self) -> None:
+        """End the run there."""
+        self._run.finish()
+
+
+def _identity(folder: RunFolder) -> str:
+    """Return the name by which a resumed run is known again."""
+    record = load_json(folder.record)
+    return str(record["identity"])
+
+
+def make_logger(config: RunConfig, folder: RunFolder) -> Logger:
+    """Return what writes metrics where the run's settings say.
+
+    Raises:
+        InputError: what they ask for is not installed.
+    """
+    writers: list[KVWriter] = [TensorBoardOutputFormat(str(folder.tensorboard))]
+    if config.train.track == "wandb":
+        writers.append(WandbWriter(config, folder))
+    return Logger(str(folder.tensorboard), writers)
+
+
+def record_session(config: RunConfig, folder: RunFolder) -> None:
+    """Put down command, revision, versions and machine in run.json, for each time it is run."""
+    session = provenance()
+    name = f"{folder.path.resolve().name}-{session['created'][:19].replace(':', '')}"
+    record: dict[str, Any] = {"identity": name, "sessions": []}
+    if folder.record.is_file():
+        record = load_json(folder.record)
+    about = {"seed": config.train.seed, "algorithm": config.train.algo, "task": config.task.name}
+    record |= about | {"sessions": [*record["sessions"], session]}
+    write_atomically(folder.record, json.dumps(record, indent=2) + "\n")

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pieces of work beside each other: a lost one costs itself only."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from pm01_nav.errors import InputError
+from pm01_nav.train.executors import LocalProcesses, _checked, make_executor
+
+
+def square(number: int) -> int:
+    """Square in a process of its own; 3 is killed on the way."""
+    kill = f"import os; os.kill(os.getpid(), {int(signal.SIGKILL)})" if number == 3 else ""
+    code = f"{kill}\nprint({number} ** 2)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return int(done.stdout)
+
+
+def test_every_piece_is_done_once_and_a_killed_one_costs_itself():
+    done = {d.index: d for d in LocalProcesses(2).run(square, [1, 2, 3, 4])}
+    assert {k: d.result for k, d in done.items()} == {0: 1, 1: 4, 2: None, 3: 16}
+    assert "SIGKILL" in (done[2].error or "")
+    assert done[0].error is None
+
+
+def test_worker_with_other_code_refuses():
+    with pytest.raises(InputError, match="revision"):
+        _checked(square, 2, "0123456789ab")
+
+
+def test_ray_that_is_not_there_is_said():
+    try:
+        import ray  # noqa: F401
+    except ImportError:
+        with pytest.raises(InputError, match=r"pm01-nav\[ray\]"):
+            make_executor(1, "127.0.0.1:1")
+    else:
+        pytest.skip("Ray is installed; its own test covers this")
+
+
+@pytest.mark.slow
+def test_pieces_on_a_local_ray_cluster():
+    ray = pytest.importorskip("ray")
+    try:
+        done = {d.index: d for d in make_executor(1, "local").run(pid_square, [1, 2, 5])}
+        assert {k: d.result[0] for k, d in done.items()} == {0: 1, 1: 4, 2: 25}
+        assert os.getpid() not in {d.result[1] for d in done.values()}
+    finally:
+        ray.shutdown()
+
+
+@pytest.mark.slow
+def test_piece_whose_worker_is_killed_is_done_again(tmp_path):
+    ray = pytest.importorskip("ray")
+    try:
+        pieces = [str(tmp_path / "first"), str(tmp_path / "second")]
+        done = {d.index: d for d in make_executor(1, "local").run(killed_once, pieces)}
+        assert {k: d.result for k, d in done.items()} == {0: 2, 1: 2}
+    finally:
+        ray.shutdown()
+
+
+def killed_once(path: str) -> int:
+    """Kill the worker with SIGKILL the first time; return how often it was tried."""
+    with open(path, "a", encoding="utf-8") as file:
+        file.write("x")
+    tried = os.path.getsize(path)
+    if tried == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return tried
+
+
+def pid_square(number: int) -> tuple[int, int]:
+    return number**2, os.getpid()

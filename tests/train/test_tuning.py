@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Searches: what is proposed, that they go on, and what comes of them."""
+
+from __future__ import annotations
+
+import pytest
+
+optuna = pytest.importorskip("optuna")
+
+from pm01_nav.documents import load_yaml  # noqa: E402
+from pm01_nav.errors import InputError  # noqa: E402
+from pm01_nav.train.config import TrainConfig  # noqa: E402
+from pm01_nav.train.tuning import Tuning, default_space, load_space  # noqa: E402
+from tests.train.test_training import config  # noqa: E402
+
+
+def write(path, text):
+    path.write_text(text)
+    return load_space(path)
+
+
+def test_study_goes_on_and_reports_its_best(tmp_path):
+    # One batch size cannot divide the rollout of 512 steps: such a trial is cut, not the search.
+    space = write(
+        tmp_path / "space.yaml",
+        "learning_rate: {low: 1.0e-4, high: 1.0e-2, log: true}\n"
+        "batch_size: {choices: [256, 300]}\nnet_arch: {choices: [[8], [8, 8]]}\n",
+    )
+    first = Tuning(tmp_path / "study", config(1), space)
+    first.work(2)
+    again = Tuning(tmp_path / "study", config(1), space)
+    again.work(5)
+    again.work(5)  # is done already
+    trials = again.study().get_trials()
+    assert len(trials) == 5
+    complete = [t for t in trials if t.state.name == "COMPLETE"]
+    for trial in complete:
+        assert 1e-4 <= trial.params["learning_rate"] <= 1e-2
+        assert trial.params["batch_size"] == "256"
+    assert all("impossible" in t.user_attrs for t in trials if t.state.name == "PRUNED")
+    if complete:
+        report = again.write_report()
+        assert report["best"]["success_rate"] == max(t.value for t in complete)
+        best = load_yaml(tmp_path / "study" / "best.yaml")["train"]
+        assert best["algo"] == "ppo"
+        assert best["ppo"]["net_arch"] in ([8], [8, 8])
+
+
+@pytest.mark.parametrize("algo", ["ppo", "ppo_lstm", "sac", "td3", "tqc"])
+def test_default_spaces_name_hyper_parameters(algo):
+    section = getattr(TrainConfig.model_validate({"steps": 1}), algo)
+    assert set(default_space(algo)) <= set(type(section).model_fields)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("gamma: 0.9\n", "mapping"),
+        ("gamma: {low: 0.9}\n", "low and high, or choices"),
+        ("gamma: {low: 0.9, high: 1.0, choices: [1]}\n", "low and high, or choices"),
+        ("gamma: {lowest: 0.9}\n", "unknown key"),
+    ],
+)
+def test_impossible_space_is_refused(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        write(tmp_path / "space.yaml", text)
+
+
+def test_unusable_storage_is_refused(tmp_path):
+    tuning = Tuning(tmp_path / "x", config(1), {}, "nonsense://x")
+    with pytest.raises(InputError, match="storage"):
+        tuning.study()
+
+
+def test_search_without_a_result_says_so(tmp_path):
+    with pytest.raises(InputError, match="no trial"):
+        Tuning(tmp_path / "x", config(1), {}).report()
