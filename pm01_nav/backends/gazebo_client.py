@@ -67,10 +67,8 @@ class RunningGazebo:
         self._node = Node()
         self._world = self._find_world()
         self._check_model()
-        self._scans = StampedStream(self._find_topic("scan"))
-        self._odometry = StampedStream(self._find_topic("odom"))
-        for message_type, stream in ((LaserScan, self._scans), (Odometry, self._odometry)):
-            self._subscribe(message_type, stream, stamp_of)
+        self._scans = self._listen(self._find_topic("scan"), LaserScan)
+        self._odometry = self._listen(self._find_topic("odom"), Odometry)
         self._command = self._node.advertise(address.topic("cmd_vel"), Twist)
         self._time_ns, step_ns = self._pause_and_measure()
         self._period_ns = round(control_dt * 1e9)
@@ -157,19 +155,19 @@ class RunningGazebo:
             raise InputError(f"{topic}: nobody publishes it in world {self._world}; {hint}")
         return topic
 
-    def _subscribe(
-        self, message_type: Any, stream: StampedStream, stamp: Callable[[Any], int]
-    ) -> None:
-        self._node.subscribe(
-            message_type, stream.topic, lambda message: stream.put(stamp(message), message)
-        )
+    def _listen(
+        self, topic: str, message_type: Any, stamp: Callable[[Any], int] = stamp_of
+    ) -> StampedStream:
+        """Return the stream of a topic's messages."""
+        stream = StampedStream(topic, lambda message: (stamp(message), message))
+        self._node.subscribe(message_type, topic, stream.put)
+        return stream
 
     def _pause_and_measure(self) -> tuple[int, int]:
         """Return the time at which the world stands still now, and what one step adds [ns]."""
         topic = f"/world/{self._world}/stats"
-        statistics = StampedStream(topic)
-        # By arrival: in a paused world time stands still.
-        self._subscribe(WorldStatistics, statistics, lambda message: time.monotonic_ns())
+        # Without stamps: in a paused world simulation time stands still.
+        statistics = self._listen(topic, WorldStatistics, lambda _: 0)
         self._control(WorldControl(pause=True))
         before = self._standing(statistics)
         self._control(WorldControl(pause=True, multi_step=MEASURED_STEPS))
@@ -187,7 +185,8 @@ class RunningGazebo:
         end = time.monotonic() + FOUND_S
         while time.monotonic() < end:
             try:
-                message = statistics.wait(time.monotonic_ns(), FOUND_S)
+                statistics.clear()
+                message = statistics.wait(0, FOUND_S)
             except SilentError as error:
                 raise InputError(str(error)) from error
             if message.paused:

@@ -31,8 +31,8 @@ SYSTEMS = (
     ("sensors", "Sensors"),
     ("contact", "Contact"),
 )
-ODOM_RATE = 50
-"""[Hz], as PM01's description has it."""
+ODOM_RATE = 1000
+"""More often than the physics steps [Hz]: after each step there is odometry of that step."""
 MOVER_MASS = 1000.0
 """Of a mover that a robot shall not push away [kg]."""
 MOVER_GAP = 0.02

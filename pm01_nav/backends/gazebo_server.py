@@ -8,7 +8,7 @@ training with it, and each server needs a partition of the transport for itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,9 @@ from gz.msgs10.image_pb2 import Image
 from gz.msgs10.laserscan_pb2 import LaserScan
 from gz.msgs10.odometry_pb2 import Odometry
 from gz.msgs10.pose_v_pb2 import Pose_V
-from gz.msgs10.stringmsg_pb2 import StringMsg
 from gz.msgs10.twist_pb2 import Twist
 from gz.sim8 import K_NULL_ENTITY, Link, Model, TestFixture, World, world_entity
-from gz.transport13 import Node
+from gz.transport13 import Node, SubscribeOptions
 from numpy.typing import NDArray
 
 from pm01_nav.backends import gazebo_model as names
@@ -59,8 +58,6 @@ REST_STEPS = 20
 """Control steps after which a robot without a command must stand still."""
 AT_REST = 2e-3
 """A robot slower than this stands still [m/s, rad/s]."""
-GZ_WAKE = "/pm01/after"
-"""A topic of ours, to learn that all that was published before was delivered."""
 
 
 class GazeboServer:
@@ -84,22 +81,11 @@ class GazeboServer:
         self._goal: tuple[float, float] | None = None
         self._anchor: tuple[FloatArray, FloatArray] = (np.zeros(3), np.zeros(3))
         self._node = Node()
-        self._scans = StampedStream(names.SCAN)
-        self._odometry = StampedStream(names.ODOM)
-        self._touches = StampedStream(names.TOUCH)
-        self._pictures = StampedStream(PICTURE)
-        self._done = StampedStream(GZ_WAKE)
-        for message_type, stream in (
-            (LaserScan, self._scans),
-            (Odometry, self._odometry),
-            (Contacts, self._touches),
-            (Image, self._pictures),
-        ):
-            self._subscribe(message_type, stream, stamp_of)
-        self._subscribe(StringMsg, self._done, lambda message: int(message.data))
+        self._scans = self._listen(names.SCAN, LaserScan)
+        self._odometry = self._listen(names.ODOM, Odometry)
+        self._touches = self._listen(names.TOUCH, Contacts)
+        self._pictures = self._listen(PICTURE, Image)
         self._command = self._node.advertise(names.CMD_VEL, Twist)
-        self._wake = self._node.advertise(GZ_WAKE, StringMsg)
-        self._waked = 0
         self._fixture = TestFixture(str(world))
         self._fixture.on_post_update(self._look)
         self._fixture.finalize()
@@ -134,7 +120,10 @@ class GazeboServer:
             raise InputError(f"the robot does not come to rest at {scenario.pose.round(3)}")
         self._teleport(scenario)
         self._step(still)
-        self._anchor = (self._poses[-1], pose_of(self._newest_odometry()))
+        self._anchor = (
+            self._poses[-1],
+            pose_of(self._odometry.wait(self._time_ns, SCAN_TIMEOUT_S)),
+        )
         return self._read()
 
     def step(self, command: FloatArray, movers: FloatArray) -> Reading:
@@ -167,29 +156,25 @@ class GazeboServer:
         _add_pose(message, "camera", view.eye, towards(view))
         self._request("set_pose_vector", message, Pose_V)
 
-    def _subscribe(
-        self, message_type: Any, stream: StampedStream, stamp: Callable[[Any], int]
-    ) -> None:
-        self._node.subscribe(
-            message_type, stream.topic, lambda message: stream.put(stamp(message), message)
+    def _listen(self, topic: str, message_type: Any) -> StampedStream:
+        """Return the stream of a topic's messages."""
+
+        def read(data: bytes) -> tuple[int, Any]:
+            message = message_type.FromString(data)
+            return stamp_of(message), message
+
+        stream = StampedStream(topic, read)
+        name = message_type.DESCRIPTOR.full_name
+        self._node.subscribe_raw(
+            topic, lambda data, info: stream.put(data), name, SubscribeOptions()
         )
+        return stream
 
     def _publish(self, command: FloatArray) -> None:
-        """Give the drive a command and wait until it has it."""
+        """Give the drive a command: within a process it is delivered before this returns."""
         twist = Twist()
         twist.linear.x, twist.angular.z = float(command[0]), float(command[1])
         self._command.publish(twist)
-        self._wait_until_delivered()
-
-    def _wait_until_delivered(self) -> None:
-        """Return when all that was published in this process reached those who listen.
-
-        Messages between the parts of a process go through one queue, in order: when one of ours
-        came out of it, all that went in before are out.
-        """
-        self._waked += 1
-        self._wake.publish(StringMsg(data=str(self._waked)))
-        self._done.wait(self._waked, SCAN_TIMEOUT_S)
 
     def _step(self, movers: FloatArray) -> None:
         """Run one control step; ``movers`` (ticks, at least n, 2) [m] is where they are."""
@@ -257,8 +242,8 @@ class GazeboServer:
         return np.array([way[0], turn]) / self._setup.physics_dt
 
     def _read(self) -> Reading:
-        self._wait_until_delivered()
-        odometry = self._newest_odometry()
+        # With it all contacts but those of the very last step of the physics are there.
+        odometry = self._odometry.wait(self._time_ns, SCAN_TIMEOUT_S)
         scan = self._scans.wait(self._time_ns, SCAN_TIMEOUT_S)
         begin = self._time_ns - round(self._setup.control_dt * 1e9)
         return Reading(
@@ -269,10 +254,6 @@ class GazeboServer:
             contact=self._touches.latest(begin + 1) is not None,
             ranges=ranges_of(scan, self._setup.num_beams, names.SCAN),
         )
-
-    def _newest_odometry(self) -> Any:
-        period = round(1e9 / names.ODOM_RATE)
-        return self._odometry.wait(self._time_ns - period, SCAN_TIMEOUT_S)
 
 
 def _add_pose(

@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 import threading
-from collections import deque
+import time
+from collections.abc import Callable
 from typing import Any
-
-KEPT = 64
-"""Messages of a topic that wait to be read."""
 
 
 class SilentError(Exception):
@@ -16,49 +14,64 @@ class SilentError(Exception):
 
 
 class StampedStream:
-    """The latest messages of one topic; filled by the transport's thread, read by ours."""
+    """The newest message of one topic; filled by the transport's thread, read by ours.
 
-    def __init__(self, topic: str) -> None:
-        """Hold nothing yet; ``topic`` is for messages to people."""
+    Messages of a topic come in the order in which they were sent.
+    """
+
+    def __init__(self, topic: str, read: Callable[[Any], tuple[int, Any]]) -> None:
+        """Hold nothing yet; ``topic`` is for messages to people.
+
+        ``read`` returns the stamp [ns] and the content of a message as it arrives. Of many messages
+        only those that somebody asks for are read.
+        """
         self.topic = topic
-        self._messages: deque[tuple[int, Any]] = deque(maxlen=KEPT)
+        self._read = read
+        self._unread: Any = None
+        self._newest: tuple[int, Any] | None = None
         self._arrived = threading.Condition()
 
-    def put(self, stamp: int, message: Any) -> None:
-        """Add a message with its stamp [ns]."""
+    def put(self, message: Any) -> None:
+        """Take a message as it arrives."""
         with self._arrived:
-            self._messages.append((stamp, message))
+            self._unread = message
             self._arrived.notify_all()
 
     def clear(self) -> None:
         """Forget what came, as after a reset."""
         with self._arrived:
-            self._messages.clear()
+            self._unread = self._newest = None
 
     def latest(self, stamp: int) -> Any | None:
-        """Return the newest message that is not older than ``stamp`` [ns], or None."""
+        """Return the newest message if it is not older than ``stamp`` [ns], or None."""
         with self._arrived:
-            return self._newest(stamp)
+            newest = self._now()
+        return newest[1] if newest is not None and newest[0] >= stamp else None
 
     def wait(self, stamp: int, timeout_s: float) -> Any:
-        """Return the newest message that is not older than ``stamp`` [ns], as soon as there is one.
+        """Return the newest message as soon as it is not older than ``stamp`` [ns].
 
         Raises:
-            SilentError: none came within ``timeout_s`` of real time.
+            SilentError: none such came within ``timeout_s`` of real time.
         """
+        end = time.monotonic() + timeout_s
         with self._arrived:
-            came = self._arrived.wait_for(lambda: self._newest(stamp) is not None, timeout_s)
-            if not came:
-                raise SilentError(self._complaint(stamp, timeout_s))
-            return self._newest(stamp)
+            while True:
+                newest = self._now()
+                if newest is not None and newest[0] >= stamp:
+                    return newest[1]
+                left = end - time.monotonic()
+                if left <= 0.0:
+                    raise SilentError(self._complaint(stamp, timeout_s))
+                self._arrived.wait(left)
 
-    def _newest(self, stamp: int) -> Any | None:
-        fresh = [entry for entry in self._messages if entry[0] >= stamp]
-        return max(fresh, key=lambda entry: entry[0])[1] if fresh else None
+    def _now(self) -> tuple[int, Any] | None:
+        if self._unread is not None:
+            self._newest, self._unread = self._read(self._unread), None
+        return self._newest
 
     def _complaint(self, stamp: int, timeout_s: float) -> str:
         wanted = f"{self.topic}: no message of {stamp / 1e9:.3f} s or later in {timeout_s:g} s"
-        if not self._messages:
+        if self._newest is None:
             return f"{wanted}; none at all came"
-        newest = max(entry[0] for entry in self._messages)
-        return f"{wanted}; the newest is of {newest / 1e9:.3f} s"
+        return f"{wanted}; the newest is of {self._newest[0] / 1e9:.3f} s"
