@@ -95,7 +95,7 @@ class Peer:
         self.node.create_subscription(
             LaserScan, "scan", lambda _: self.node._control(), qos_profile_sensor_data
         )
-        peer = rclpy.create_node("peer")
+        peer = rclpy.create_node("peer", start_parameter_services=False, enable_rosout=False)
         self.clock = peer.create_publisher(Clock, "/clock", 1)
         self.scans = peer.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
         self.odometry = peer.create_publisher(OdometryMessage, "odom", 10)

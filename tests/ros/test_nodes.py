@@ -12,7 +12,7 @@ def call(node, kind, name, request):
     client = node.create_client(kind, name)
     assert node.wait_for(client.service_is_ready)
     # The service is seen before it sees us, and an answer to nobody is lost.
-    node.wait_for(lambda: False, 0.5)
+    node.wait_for(lambda: False, 1.0)
     future = client.call_async(request)
     assert node.wait_for(future.done)
     return future.result()
