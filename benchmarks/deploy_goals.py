@@ -11,13 +11,11 @@ It needs ROS 2 with pm01_rl, nav2_msgs and rosbridge_server. Each goal is one ep
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,13 +26,16 @@ from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from report import write_report
 from std_msgs.msg import UInt32
 from std_srvs.srv import Trigger
 
-from pm01_nav.provenance import provenance
-
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-PORT = 9187
+PORTS = {"rosbridge": 9187, "rosbridge_sim_time": 9188}
+WAYS = {"rclpy": 3.0, "dds": 3.0, "rosbridge": 1.0, "rosbridge_sim_time": 1.0}
+"""How many times faster than real time the robot lives. A bridge is driven through as a robot is:
+at real time, by our own clock or by the robot's (``--sim-time``), and each goal is a drive of its
+own."""
 TIME_LIMIT_S = 60.0
 """Simulated time for one goal."""
 
@@ -88,16 +89,21 @@ class Judge(Node):
             rclpy.spin_once(self, timeout_sec=0.1)
         self.spin(1.0)
 
-    def drive(self, by_action: bool) -> dict[str, Any]:
+    def drive(self, way: str, policy: str) -> dict[str, Any]:
         """Send the goal and watch until the robot stands there, or time is up."""
         assert self.goal is not None
         started, before = self.time, self.collisions
         target = self.goal.pose.position
-        handle = None
-        if by_action:
+        handle = driver = None
+        if way == "rclpy":
             handle = self.wait(self.action.send_goal_async(NavigateToPose.Goal(pose=self.goal)))
-        else:
+        elif way == "dds":
+            # Odometry is exact here, and its frame the world's; pm01 drive takes no other.
+            self.goal.header.frame_id = "odom"
             self.goals.publish(self.goal)
+        else:
+            goal = ("--goal", str(target.x), str(target.y))
+            driver = start(*drive_command(way, policy), *goal)
         distance = np.inf
         while self.time - started < TIME_LIMIT_S:
             rclpy.spin_once(self, timeout_sec=0.1)
@@ -113,6 +119,9 @@ class Judge(Node):
             if not result["reached"]:
                 self.wait(handle.cancel_goal_async())
             result["action_status"] = self.wait(handle.get_result_async()).status
+        if driver is not None:
+            os.killpg(driver.pid, signal.SIGKILL)
+            driver.wait()
         return result
 
 
@@ -121,36 +130,40 @@ def start(*command: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
 
 
-def drivers(way: str, policy: str, factor: float) -> list[subprocess.Popen[bytes]]:
-    """Start what drives the robot."""
-    drive = (sys.executable, "-c", "from pm01_nav.cli import main; main()", "drive", policy)
+def drive_command(way: str, policy: str) -> tuple[str, ...]:
+    """Return how ``pm01 drive`` is called."""
+    call = (sys.executable, "-c", "from pm01_nav.cli import main; main()", "drive", policy)
+    if way == "dds":
+        return (*call, "--dds", "--sim-time")
+    by = ("--sim-time",) if way == "rosbridge_sim_time" else ()
+    return (*call, "--rosbridge", f"ws://127.0.0.1:{PORTS[way]}", *by)
+
+
+def drivers(way: str, policy: str) -> list[subprocess.Popen[bytes]]:
+    """Start what drives the robot, or what each drive to a goal goes through."""
     if way == "rclpy":
         given = ("-p", f"policy:={policy}", "-p", "use_sim_time:=true", "-p", "autostart:=true")
         return [start("ros2", "run", "pm01_rl", "policy_node", "--ros-args", *given)]
     if way == "dds":
-        return [start(*drive, "--dds", "--sim-time")]
-    bridge = ("-p", "address:=127.0.0.1", "-p", f"port:={PORT}")
-    server = start("ros2", "run", "rosbridge_server", "rosbridge_websocket", "--ros-args", *bridge)
-    time.sleep(5.0)
-    # At real time as with a robot: by our own clock, which shows how late the bridge is.
-    by = ("--sim-time",) if factor != 1.0 else ()
-    return [server, start(*drive, "--rosbridge", f"ws://127.0.0.1:{PORT}", *by)]
+        return [start(*drive_command(way, policy))]
+    bridge = ("-p", "address:=127.0.0.1", "-p", f"port:={PORTS[way]}")
+    return [start("ros2", "run", "rosbridge_server", "rosbridge_websocket", "--ros-args", *bridge)]
 
 
-def measure(way: str, policy: str, goals: int, factor: float) -> dict[str, Any]:
+def measure(way: str, policy: str, goals: int) -> dict[str, Any]:
     """Drive to so many goals in one way."""
     # Odometry at 20 Hz of simulated time, so that several times real time stays a modest rate.
-    given = ("-p", f"real_time_factor:={factor}", "-p", "step:=0.05", "-p", "seed:=7")
+    given = ("-p", f"real_time_factor:={WAYS[way]}", "-p", "step:=0.05", "-p", "seed:=7")
     processes = [start("ros2", "run", "pm01_rl", "sim_node", "--ros-args", *given)]
     judge = Judge()
     try:
         judge.reset.wait_for_service(60.0)
-        processes += drivers(way, policy, factor)
+        processes += drivers(way, policy)
         time.sleep(10.0)
         episodes = []
         for _ in range(goals):
             judge.new_episode()
-            episodes.append(judge.drive(way == "rclpy"))
+            episodes.append(judge.drive(way, policy))
             print(way, len(episodes), episodes[-1], flush=True)
     finally:
         judge.destroy_node()
@@ -161,9 +174,10 @@ def measure(way: str, policy: str, goals: int, factor: float) -> dict[str, Any]:
         "way": way,
         "goals": goals,
         "reached": len(reached),
-        "collisions": sum(e["collisions"] for e in episodes),
+        "episodes_with_contact": sum(e["collisions"] > 0 for e in episodes),
+        "steps_in_contact": sum(e["collisions"] for e in episodes),
         "median_seconds": float(np.median(reached)) if reached else None,
-        "real_time_factor": factor,
+        "real_time_factor": WAYS[way],
         "episodes": episodes,
     }
 
@@ -173,17 +187,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--policy", required=True)
     parser.add_argument("--goals", type=int, default=50)
-    parser.add_argument("--factor", type=float, default=4.0)
-    parser.add_argument("--ways", nargs="+", default=["rclpy", "dds", "rosbridge"])
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--ways", nargs="+", default=list(WAYS), choices=WAYS)
+    parser.add_argument("--out", required=True)
     arguments = parser.parse_args()
     rclpy.init()
-    command = f"python benchmarks/deploy_goals.py --policy POLICY --goals {arguments.goals}"
     results = []
     for way in arguments.ways:
-        results.append(measure(way, arguments.policy, arguments.goals, arguments.factor))
-        report = {"results": results} | provenance() | {"command": command}
-        arguments.out.write_text(json.dumps(report, indent=2) + "\n")
+        results.append(measure(way, arguments.policy, arguments.goals))
+        write_report(arguments.out, {"results": results})
     rclpy.shutdown()
 
 

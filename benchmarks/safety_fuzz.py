@@ -13,24 +13,23 @@ from __future__ import annotations
 
 import argparse
 import heapq
-import json
 import math
 import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from reference_robot import Base, cast, outside, robot_with
+from report import write_report
 
 from pm01_nav.deploy.controller import Controller, Goal
 from pm01_nav.deploy.messages import Odometry, Scan
 from pm01_nav.deploy.safety import SafetyConfig
-from pm01_nav.provenance import provenance
-from pm01_nav.robot import RobotSpec, full_circle, load_robot
+from pm01_nav.robot import RobotSpec
 from pm01_nav.task.observation import scan_geometry
 
 CONTROL_DT = 0.1
@@ -59,82 +58,6 @@ class Faults:
 
 HONEST = Faults(delay_s=0.05)
 BROKEN = Faults(0.15, 0.15, 0.6, 0.05, 0.01, 0.1, 0.08, 0.03, 0.02)
-
-
-def robot_with(name: str, num_beams: int) -> RobotSpec:
-    """Return a robot with a lidar of so many beams: few are quick to cast."""
-    robot = load_robot(name)
-    lidar = robot.lidar.model_copy(update=full_circle(num_beams))
-    return robot.model_copy(update={"lidar": lidar})
-
-
-class Base:
-    """The true robot: first-order lag, limits of acceleration, an arc in small steps."""
-
-    def __init__(self, robot: RobotSpec, pose: FloatArray, twist: FloatArray) -> None:
-        """Begin at a pose and a twist."""
-        self._limits = robot.limits
-        self._keep = math.exp(-0.01 / max(robot.actuator.lag_s, 1e-9))
-        self._x, self._y, self._yaw = map(float, pose)
-        self._v, self._w = map(float, twist)
-
-    @property
-    def pose(self) -> FloatArray:
-        """x, y, yaw [m, m, rad]."""
-        return np.array([self._x, self._y, self._yaw])
-
-    @property
-    def twist(self) -> FloatArray:
-        """v, w [m/s, rad/s]."""
-        return np.array([self._v, self._w])
-
-    def move(self, command: tuple[float, float], seconds: float) -> None:
-        """Follow ``command`` for a while, in steps of 10 ms."""
-        dt, keep = 0.01, self._keep
-        dv = self._limits.linear_acceleration * dt
-        dw = self._limits.angular_acceleration * dt
-        for _ in range(round(seconds / dt)):
-            self._v += min(max((command[0] - self._v) * (1.0 - keep), -dv), dv)
-            self._w += min(max((command[1] - self._w) * (1.0 - keep), -dw), dw)
-            heading = self._yaw + 0.5 * self._w * dt
-            self._x += self._v * dt * math.cos(heading)
-            self._y += self._v * dt * math.sin(heading)
-            self._yaw += self._w * dt
-
-
-def cast(discs: FloatArray, pose: FloatArray, robot: RobotSpec) -> NDArray[np.float32]:
-    """Return the ranges (num_beams,) that a robot at ``pose`` sees among discs (n, 3)."""
-    cos, sin, mount = math.cos(pose[2]), math.sin(pose[2]), robot.lidar
-    offset = (cos * mount.x - sin * mount.y, sin * mount.x + cos * mount.y, mount.yaw)
-    pose = pose + np.array(offset)
-    angles = robot.lidar.angles + pose[2]
-    direction = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    offset = discs[:, :2] - pose[:2]
-    along = direction @ offset.T
-    apart = (offset**2).sum(axis=1) - along**2
-    half = np.sqrt(np.maximum(discs[:, 2] ** 2 - apart, 0.0))
-    hit = (apart < discs[:, 2] ** 2) & (along - half > 0.0)
-    ranges = np.where(hit, along - half, np.inf).min(axis=1, initial=np.inf)
-    ranges[ranges > robot.lidar.range_max] = np.inf
-    ranges[ranges < robot.lidar.range_min] = -np.inf
-    return ranges.astype(np.float32)
-
-
-def outside(robot: RobotSpec, points: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return how far points (n, 2) are from the outline at ``pose`` [m]; negative inside."""
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
-    x, y = cos * dx + sin * dy, cos * dy - sin * dx
-    if robot.footprint.shape == "circle":
-        return np.hypot(x, y) - robot.footprint.radius
-    corners = np.array(robot.footprint.vertices)
-    distance, inside = np.full(len(points), np.inf), np.ones(len(points), dtype=bool)
-    for (x1, y1), (x2, y2) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        ex, ey = x2 - x1, y2 - y1
-        share = np.clip(((x - x1) * ex + (y - y1) * ey) / (ex * ex + ey * ey), 0.0, 1.0)
-        distance = np.minimum(distance, np.hypot(x - x1 - share * ex, y - y1 - share * ey))
-        inside &= ex * (y - y1) - ey * (x - x1) >= 0.0
-    return np.where(inside, -distance, distance)
 
 
 class StrangePolicy:
@@ -202,7 +125,9 @@ class Sequence:
         self.newest = {"scan": -math.inf, "odometry": -math.inf}
         """When each was taken that is the newest to have arrived, in true time [s]."""
         self.silent = {"scan": math.inf, "odometry": math.inf}
-        self.pressed, self.goal, self.jumped = False, True, False
+        self.pressed: set[str] = set()
+        """Who presses the emergency stop."""
+        self.goal = True
 
     def _scene(self) -> FloatArray:
         """Place discs that leave the robot 3 cm or more."""
@@ -289,7 +214,6 @@ class Sequence:
         if self.rng.random() < self.faults.clock_jump:
             # U(2, 100) s, back or ahead. What is on its way has stamps of before.
             self.clock += self.rng.choice([-1.0, 1.0]) * self.rng.uniform(2.0, 100.0)
-            self.jumped = True
         while self.queue and self.queue[0][0] <= now:
             arrival, _, kind, message, taken = heapq.heappop(self.queue)
             if kind == "scan":
@@ -308,11 +232,14 @@ class Sequence:
             self.goal = False
         elif what == 1:
             self.controller.set_goal(Goal(50.0, 0.0))
-            self.goal = True
+            # Under the emergency stop no goal is taken.
+            self.goal = not self.pressed
         else:
-            self.pressed = what == 2
-            self.controller.set_emergency(self.pressed)
-            self.goal = False
+            # Two who press and release, each for himself; often what is not pressed.
+            source = str(self.rng.choice(["topic", "service"]))
+            self.controller.set_emergency(what == 2, source)
+            (self.pressed.add if what == 2 else self.pressed.discard)(source)
+            self.goal = self.goal and not self.pressed
 
     def _step(self, now: float) -> None:
         lost = bool(self.rng.random() < self.faults.transform)
@@ -342,7 +269,7 @@ class Sequence:
         }
         if (v, w) != (0.0, 0.0):
             checks |= {
-                "emergency stop": self.pressed,
+                "emergency stop": bool(self.pressed),
                 "no goal": not self.goal,
                 "lost transform": lost,
                 "policy failed": self.policy.failed,
@@ -433,30 +360,26 @@ def run(
 def main() -> None:
     """Play sequences of both kinds with a round and an oblong robot."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sequences", type=int, default=100_000, help="broken ones, of each robot")
+    parser.add_argument("--sequences", type=int, default=100_000, help="broken ones of PM01")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--out", required=True)
     arguments = parser.parse_args()
-    command = f"python benchmarks/safety_fuzz.py --sequences {arguments.sequences}"
-    origin = provenance() | {"command": command}
-    finished: list[dict[str, Any]] = []
-    present: dict[str, Any] = {}
+    count = arguments.sequences
+    kinds = (
+        ("pm01", False, count),
+        ("pm01", True, count // 20),
+        ("jackal", True, count // 20),
+        ("jackal", False, count // 5),
+    )
+    results: dict[str, dict[str, Any]] = {}
+    for robot, honest, sequences in kinds:
+        name = f"{robot}_{'honest' if honest else 'broken'}"
 
-    def write(result: dict[str, Any]) -> None:
-        present.clear()
-        present.update(result)
-        report = {"results": [*finished, result]} | origin
-        arguments.out.write_text(json.dumps(report, indent=2) + "\n")
+        def write(result: dict[str, Any], name: str = name) -> None:
+            results[name] = result
+            write_report(arguments.out, {"results": results})
 
-    for robot, honest, count in (
-        ("pm01", False, arguments.sequences),
-        ("jackal", False, arguments.sequences // 5),
-        ("pm01", True, arguments.sequences // 20),
-        ("jackal", True, arguments.sequences // 20),
-    ):
-        run(count, arguments.workers, robot, write, honest=honest)
-        finished.append(dict(present))
-        print(json.dumps(present), flush=True)
+        run(sequences, arguments.workers, robot, write, honest=honest)
 
 
 if __name__ == "__main__":

@@ -16,9 +16,11 @@ from typing import Any
 
 import numpy as np
 from gz.msgs10.boolean_pb2 import Boolean
+from gz.msgs10.empty_pb2 import Empty
 from gz.msgs10.laserscan_pb2 import LaserScan
 from gz.msgs10.odometry_pb2 import Odometry
 from gz.msgs10.pose_pb2 import Pose
+from gz.msgs10.scene_pb2 import Scene
 from gz.msgs10.twist_pb2 import Twist
 from gz.msgs10.world_control_pb2 import WorldControl
 from gz.msgs10.world_stats_pb2 import WorldStatistics
@@ -64,6 +66,7 @@ class RunningGazebo:
         self._address, self._num_beams = address, num_beams
         self._node = Node()
         self._world = self._find_world()
+        self._check_model()
         self._scans = StampedStream(self._find_topic("scan"))
         self._odometry = StampedStream(self._find_topic("odom"))
         for message_type, stream in ((LaserScan, self._scans), (Odometry, self._odometry)):
@@ -130,6 +133,17 @@ class RunningGazebo:
         if len(found) > 1 and not wanted:
             raise InputError(f"gazebo.world: several run; give one of {names}")
         return wanted or found.pop()
+
+    def _check_model(self) -> None:
+        """Refuse a robot that is not there, as far as the world tells of its models."""
+        service = f"/world/{self._world}/scene/info"
+        done, scene = self._node.request(service, Empty(), Empty, Scene, REQUEST_MS)
+        models = sorted(model.name for model in scene.model)
+        if done and self._address.model not in models:
+            raise InputError(
+                f"gazebo.model = {self._address.model!r}: not in world {self._world}; its models: "
+                f"{', '.join(models)}"
+            )
 
     def _find_topic(self, name: str) -> str:
         """Return the address of a topic that is published."""
@@ -215,12 +229,8 @@ class RunningGazebo:
         request.position.x, request.position.y, request.position.z = x, y, 0.0
         request.orientation.z, request.orientation.w = np.sin(yaw / 2.0), np.cos(yaw / 2.0)
         service = f"/world/{self._world}/set_pose"
-        done, answer = self._node.request(service, request, Pose, Boolean, REQUEST_MS)
-        if done and not answer.data:
-            raise InputError(
-                f"{service}: refused; is there a model {self._address.model!r}? "
-                "Set task.gazebo.model"
-            )
+        # It answers at once, whether there is such a model or not.
+        self._node.request(service, request, Pose, Boolean, REQUEST_MS)
 
     def _control(self, request: WorldControl) -> None:
         """Ask for steps or a pause; an answer that is late does not matter."""

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import signal
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
     from pm01_nav.deploy.controller import Status
+    from pm01_nav.deploy.driver import Driver
     from pm01_nav.deploy.link import Link, Topics
 
 
@@ -53,6 +55,8 @@ if TYPE_CHECKING:
 def command(policy: str, **options: Any) -> None:
     """Drive a robot by POLICY.onnx under the safety supervisor, until Ctrl-C; then it stands.
 
+    A --goal that is given up (emergency stop, jump, ten seconds without data) ends it with code 1.
+
     \b
       pm01 drive policy.onnx --dds --goal 3 0
       pm01 drive policy.onnx --rosbridge ws://127.0.0.1:9090
@@ -78,15 +82,18 @@ def command(policy: str, **options: Any) -> None:
 
         recorder = Recorder(options["record_to"])
     driver = Driver(controller, link, sim_time=options["sim_time"], record=recorder)
-    show = _Printer()
+    # Both let the loop end by itself, so that the last thing the robot hears is a stop.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: driver.end())
+    show = _Printer(driver)
     try:
         driver.run(iter(goals) if goals else None, show)
-    except KeyboardInterrupt:
-        click.echo("stopped")
     finally:
         if recorder is not None:
             recorder.close()
     click.echo(f"{show.arrived} goals reached, {driver.steps} steps, {driver.late_steps} late")
+    if show.arrived < len(goals):
+        raise SystemExit(1)
 
 
 def _safety(changes: tuple[str, ...]) -> Any:
@@ -135,12 +142,15 @@ def _rosbridge(url: str, topics: Topics) -> Link:
 class _Printer:
     """Print what changes."""
 
-    def __init__(self) -> None:
+    def __init__(self, driver: Driver) -> None:
         self.arrived = 0
+        self._driver = driver
         self._last: tuple[str, ...] | None = None
 
     def __call__(self, status: Status) -> None:
         reasons = tuple(reason.value for reason in status.verdict.reasons)
+        if self._driver.refused is not None:
+            reasons += (f"refused: {self._driver.refused}",)
         if status.arrived:
             self.arrived += 1
             click.echo("arrived")

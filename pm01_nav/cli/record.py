@@ -39,8 +39,7 @@ def command(
     """
     from pm01_nav.deploy.assembly import load_controller
     from pm01_nav.deploy.recording import Recorder
-    from pm01_nav.deploy.simulated_drive import drive_simulated
-    from pm01_nav.deploy.simulated_robot import simulated_robot
+    from pm01_nav.deploy.simulated_robot import drive_simulated, simulated_robot
 
     if policy == "excite" and robot is None:
         robot = "pm01"

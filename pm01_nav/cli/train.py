@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 DEFAULT_TIME_BUDGET = 60.0
 FLAGS = ("algo", "learner", "device", "curriculum", "seed", "time_budget", "steps", "track")
 """Options that are keys of ``train``."""
+KEPT_BY_RESUME = ("algo", "learner", "device", "curriculum", "seed")
 
 
 OPTIONS = (
@@ -41,6 +42,12 @@ OPTIONS = (
         metavar="NAME",
         help="Where robots are simulated and the policy learns: cpu, or cuda, an NVIDIA GPU.  "
         "[default: cpu]",
+    ),
+    click.option(
+        "--n-envs",
+        type=click.IntRange(1),
+        metavar="N",
+        help="Robots that drive side by side.  [default: the algorithm's; one a core in Gazebo]",
     ),
     click.option(
         "--curriculum",
@@ -97,6 +104,7 @@ def command(**options: Any) -> None:
       pm01 train --config my.yaml --set train.ppo.gamma=0.97 --out runs/y
       pm01 train --resume runs/x --time-budget 120
       pm01 train --task static --device cuda --time-budget 15 --out runs/gpu
+      pm01 train --task static --backend gazebo --n-envs 4 --time-budget 3600 --out runs/gazebo
     """
     from pm01_nav.errors import InputError
     from pm01_nav.train.run_folder import RunFolder
@@ -142,9 +150,11 @@ def run_config(task: Any, train_settings: dict[str, Any], source: str) -> RunCon
         InputError: a key is unknown or a value not allowed.
     """
     from pm01_nav.config import merge, validate
-    from pm01_nav.train.config import RunConfig, device_defaults
+    from pm01_nav.train.config import RunConfig, backend_defaults, device_defaults
 
-    settings = merge(device_defaults(train_settings.get("device") or "cpu"), train_settings)
+    device = train_settings.get("device") or "cpu"
+    defaults = merge(device_defaults(device), backend_defaults(task.backend))
+    settings = merge(defaults, train_settings)
     if settings.get("steps") is None and settings.get("time_budget") is None:
         settings["time_budget"] = DEFAULT_TIME_BUDGET
     return validate(RunConfig, {"task": task.model_dump(), "train": settings}, source)
@@ -160,10 +170,13 @@ def fresh_config(options: dict[str, Any]) -> RunConfig:
     from pm01_nav.documents import load_yaml
 
     flags = {name: options.pop(name, None) for name in FLAGS}
+    n_envs = options.pop("n_envs")
     task = task_from_options(None, **options)
     from_file = load_yaml(options["config_file"]) if options["config_file"] else {}
     settings = merge(from_file, parse_changes(options["changes"])).get("train") or {}
     settings = merge(settings, {k: v for k, v in flags.items() if v is not None})
+    if n_envs is not None:
+        settings = merge(settings, {settings.get("algo") or "ppo": {"n_envs": n_envs}})
     return run_config(task, settings, options["config_file"] or "configuration")
 
 
@@ -174,8 +187,10 @@ def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
 
     stored = RunFolder(resume).load_config()
     flags = {name: options.pop(name) for name in FLAGS}
-    for name in ("algo", "learner", "device", "curriculum", "seed"):
-        before = getattr(stored.train, name)
+    stays = {name: getattr(stored.train, name) for name in KEPT_BY_RESUME}
+    flags["n_envs"] = options.pop("n_envs")
+    stays["n_envs"] = stored.train.hyperparameters.n_envs
+    for name, before in stays.items():
         if flags[name] not in (None, before):
             raise InputError(f"{name}: {resume} was made with {name} {before}; it stays so")
     named, task = options["task"], task_from_options(stored.task, **options)

@@ -92,21 +92,25 @@ class DdsLink:
 
         self._entity = Domain(self._domain, self._config)
         participant = DomainParticipant(self._domain)
-        latest, topics = Qos(best_effort(), keep_last(5)), self.topics
-        kinds = {
-            # Read first: what follows may be as new as the clock, not newer by much.
-            "clock": (topics.clock, types.Clock),
-            "scan": (topics.scan, types.LaserScan),
-            "odometry": (topics.odometry, types.Odometry),
-            "goal": (topics.goal, types.PoseStamped),
-            "emergency_stop": (topics.emergency_stop, types.Bool),
-        }
+        topics = self.topics
+        latest, kept = Qos(best_effort(), keep_last(5)), Qos(reliable(), keep_last(10))
+        latched = Qos(reliable(), keep_last(1), transient_local())
+        # The clock is read first: what follows may be as new as the clock, not newer by much.
+        # A button that latches its state is asked for it, one that does not would not answer that.
+        sources = (
+            ("clock", topics.clock, types.Clock, latest),
+            ("scan", topics.scan, types.LaserScan, latest),
+            ("odometry", topics.odometry, types.Odometry, latest),
+            ("goal", topics.goal, types.PoseStamped, kept),
+            ("emergency_stop", topics.emergency_stop, types.Bool, kept),
+            ("emergency_stop", topics.emergency_stop, types.Bool, latched),
+        )
         self._waiting: Any = WaitSet(participant)
-        self._readers: dict[str, Any] = {}
-        for kind, (name, message) in kinds.items():
-            reader = DataReader(participant, Topic(participant, f"rt/{name}", message), qos=latest)
+        self._readers: list[tuple[str, Any]] = []
+        for kind, name, message, qos in sources:
+            reader = DataReader(participant, Topic(participant, f"rt/{name}", message), qos=qos)
             self._waiting.attach(ReadCondition(reader, any_state()))
-            self._readers[kind] = reader
+            self._readers.append((kind, reader))
         command = types.TwistStamped if topics.stamped else types.Twist
         topic = Topic(participant, f"rt/{topics.command}", command)
         self._writer = DataWriter(participant, topic, qos=Qos(reliable(), keep_last(1)))
@@ -117,7 +121,7 @@ class DdsLink:
     def _read(self, inbox: Inbox) -> None:
         while not self._ended.is_set():
             self._waiting.wait(WAIT_NS)
-            for kind, reader in self._readers.items():
+            for kind, reader in self._readers:
                 for sample in reader.take(100):
                     # A writer that leaves sends a sample without data.
                     if not hasattr(sample, "sample_info") or sample.sample_info.valid_data:
@@ -130,6 +134,10 @@ class DdsLink:
         types = self._types
         twist = types.Twist(types.Vector3(x=command[0]), types.Vector3(z=command[1]))
         self._writer.write(types.TwistStamped(twist=twist) if self.topics.stamped else twist)
+
+    def age(self) -> float:
+        """Return 0: there is nothing between the robot and us that would queue."""
+        return 0.0
 
     def close(self) -> None:
         """Leave the domain."""
@@ -161,6 +169,13 @@ def keep_last(count: int) -> Any:
     from cyclonedds.core import Policy
 
     return Policy.History.KeepLast(count)
+
+
+def transient_local() -> Any:
+    """Ask for what was said before, too."""
+    from cyclonedds.core import Policy
+
+    return Policy.Durability.TransientLocal
 
 
 def any_state() -> int:

@@ -4,145 +4,77 @@
 Field by field as in ``common_interfaces``; the type's name is what lets ROS 2's readers match.
 """
 
-# pyright: reportAssignmentType=false
-# No postponed annotations here: cyclonedds reads the types at run time.
+from __future__ import annotations
+
 from dataclasses import dataclass, field
+from types import new_class
+from typing import Any
 
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint32
 
-
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
-    """``builtin_interfaces/Time``."""
-
-    sec: int32 = 0
-    nanosec: uint32 = 0
-
-
-@dataclass
-class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
-    """``std_msgs/Header``."""
-
-    stamp: Time = field(default_factory=Time)
-    frame_id: str = ""
+COVARIANCE = array[float64, 36]
+DEFAULTS: dict[Any, Any] = {
+    bool: bool,
+    str: str,
+    int32: int,
+    uint32: int,
+    float32: float,
+    float64: float,
+    sequence[float32]: list,
+    COVARIANCE: lambda: [0.0] * 36,
+}
+"""What makes a field's first value: for numbers zero; another message makes its own."""
 
 
-@dataclass
-class LaserScan(IdlStruct, typename="sensor_msgs.msg.dds_.LaserScan_"):
-    """``sensor_msgs/LaserScan``."""
+def _message(package: str, name: str, **fields: Any) -> Any:
+    """Return the class of the message ``package``/``name`` with these fields, in this order."""
 
-    header: Header = field(default_factory=Header)
-    angle_min: float32 = 0.0
-    angle_max: float32 = 0.0
-    angle_increment: float32 = 0.0
-    time_increment: float32 = 0.0
-    scan_time: float32 = 0.0
-    range_min: float32 = 0.0
-    range_max: float32 = 0.0
-    ranges: sequence[float32] = field(default_factory=list)
-    intensities: sequence[float32] = field(default_factory=list)
+    def fill(namespace: dict[str, Any]) -> None:
+        namespace |= {"__module__": __name__, "__annotations__": fields}
+        for key, kind in fields.items():
+            namespace[key] = field(default_factory=DEFAULTS.get(kind, kind))
+
+    typename = f"{package}.msg.dds_.{name}_"
+    return dataclass(new_class(name, (IdlStruct,), {"typename": typename}, fill))
 
 
-@dataclass
-class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
-    """``geometry_msgs/Vector3``."""
-
-    x: float64 = 0.0
-    y: float64 = 0.0
-    z: float64 = 0.0
-
-
-@dataclass
-class Point(IdlStruct, typename="geometry_msgs.msg.dds_.Point_"):
-    """``geometry_msgs/Point``."""
-
-    x: float64 = 0.0
-    y: float64 = 0.0
-    z: float64 = 0.0
-
-
-@dataclass
-class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
-    """``geometry_msgs/Quaternion``."""
-
-    x: float64 = 0.0
-    y: float64 = 0.0
-    z: float64 = 0.0
-    w: float64 = 1.0
-
-
-@dataclass
-class Pose(IdlStruct, typename="geometry_msgs.msg.dds_.Pose_"):
-    """``geometry_msgs/Pose``."""
-
-    position: Point = field(default_factory=Point)
-    orientation: Quaternion = field(default_factory=Quaternion)
-
-
-@dataclass
-class PoseStamped(IdlStruct, typename="geometry_msgs.msg.dds_.PoseStamped_"):
-    """``geometry_msgs/PoseStamped``."""
-
-    header: Header = field(default_factory=Header)
-    pose: Pose = field(default_factory=Pose)
-
-
-@dataclass
-class Twist(IdlStruct, typename="geometry_msgs.msg.dds_.Twist_"):
-    """``geometry_msgs/Twist``."""
-
-    linear: Vector3 = field(default_factory=Vector3)
-    angular: Vector3 = field(default_factory=Vector3)
-
-
-@dataclass
-class TwistStamped(IdlStruct, typename="geometry_msgs.msg.dds_.TwistStamped_"):
-    """``geometry_msgs/TwistStamped``."""
-
-    header: Header = field(default_factory=Header)
-    twist: Twist = field(default_factory=Twist)
-
-
-def _no_covariance() -> list[float]:
-    return [0.0] * 36
-
-
-@dataclass
-class PoseWithCovariance(IdlStruct, typename="geometry_msgs.msg.dds_.PoseWithCovariance_"):
-    """``geometry_msgs/PoseWithCovariance``."""
-
-    pose: Pose = field(default_factory=Pose)
-    covariance: array[float64, 36] = field(default_factory=_no_covariance)
-
-
-@dataclass
-class TwistWithCovariance(IdlStruct, typename="geometry_msgs.msg.dds_.TwistWithCovariance_"):
-    """``geometry_msgs/TwistWithCovariance``."""
-
-    twist: Twist = field(default_factory=Twist)
-    covariance: array[float64, 36] = field(default_factory=_no_covariance)
-
-
-@dataclass
-class Odometry(IdlStruct, typename="nav_msgs.msg.dds_.Odometry_"):
-    """``nav_msgs/Odometry``."""
-
-    header: Header = field(default_factory=Header)
-    child_frame_id: str = ""
-    pose: PoseWithCovariance = field(default_factory=PoseWithCovariance)
-    twist: TwistWithCovariance = field(default_factory=TwistWithCovariance)
-
-
-@dataclass
-class Clock(IdlStruct, typename="rosgraph_msgs.msg.dds_.Clock_"):
-    """``rosgraph_msgs/Clock``."""
-
-    clock: Time = field(default_factory=Time)
-
-
-@dataclass
-class Bool(IdlStruct, typename="std_msgs.msg.dds_.Bool_"):
-    """``std_msgs/Bool``."""
-
-    data: bool = False
+Time = _message("builtin_interfaces", "Time", sec=int32, nanosec=uint32)
+Header = _message("std_msgs", "Header", stamp=Time, frame_id=str)
+Bool = _message("std_msgs", "Bool", data=bool)
+Clock = _message("rosgraph_msgs", "Clock", clock=Time)
+Point = _message("geometry_msgs", "Point", x=float64, y=float64, z=float64)
+Vector3 = _message("geometry_msgs", "Vector3", x=float64, y=float64, z=float64)
+Quaternion = _message("geometry_msgs", "Quaternion", x=float64, y=float64, z=float64, w=float64)
+Pose = _message("geometry_msgs", "Pose", position=Point, orientation=Quaternion)
+PoseStamped = _message("geometry_msgs", "PoseStamped", header=Header, pose=Pose)
+Twist = _message("geometry_msgs", "Twist", linear=Vector3, angular=Vector3)
+TwistStamped = _message("geometry_msgs", "TwistStamped", header=Header, twist=Twist)
+PoseWithCovariance = _message(
+    "geometry_msgs", "PoseWithCovariance", pose=Pose, covariance=COVARIANCE
+)
+TwistWithCovariance = _message(
+    "geometry_msgs", "TwistWithCovariance", twist=Twist, covariance=COVARIANCE
+)
+Odometry = _message(
+    "nav_msgs",
+    "Odometry",
+    header=Header,
+    child_frame_id=str,
+    pose=PoseWithCovariance,
+    twist=TwistWithCovariance,
+)
+LaserScan = _message(
+    "sensor_msgs",
+    "LaserScan",
+    header=Header,
+    angle_min=float32,
+    angle_max=float32,
+    angle_increment=float32,
+    time_increment=float32,
+    scan_time=float32,
+    range_min=float32,
+    range_max=float32,
+    ranges=sequence[float32],
+    intensities=sequence[float32],
+)

@@ -11,7 +11,7 @@ from typing import Any
 
 from pm01_nav.deploy.controller import Controller, Goal, Status
 from pm01_nav.deploy.link import Event, Inbox, Link
-from pm01_nav.deploy.ros_messages import odometry_from_ros, scan_from_ros, seconds
+from pm01_nav.deploy.messages import odometry_from_ros, scan_from_ros, seconds
 from pm01_nav.deploy.safety import STOP
 from pm01_nav.deploy.watchdog import Watchdog
 from pm01_nav.errors import InputError
@@ -33,12 +33,16 @@ class Driver:
         self.steps = 0
         self.late_steps = 0
         """Steps that came more than half a control step after their time."""
+        self.refused: str | None = None
+        """Why the last goal from the topic was not taken."""
         self._link = link
         self._inbox = Inbox()
         self._sim_time = sim_time
         self._clock = -math.inf
         self._record = record
         self._ended = threading.Event()
+        self._frame = ""
+        """Of the odometry: the only one in which a goal can be taken."""
 
     def end(self) -> None:
         """Let ``run`` end soon; safe from any thread and from signal handlers."""
@@ -47,7 +51,9 @@ class Driver:
     def run(self, goals: Iterator[Goal] | None = None, listener: Listener | None = None) -> None:
         """Drive to ``goals``, one after the other, or to those from the topic until ``end``.
 
-        ``listener`` hears of every step. The robot stands afterwards.
+        ``listener`` hears of every step. Of ``goals`` the first that is given up is the last: what
+        made the robot give it up, an emergency stop, a jump, a long silence, may have moved it all.
+        The robot stands afterwards.
         """
         watchdog = Watchdog(lambda: self._link.tell(STOP))
         self._link.open(self._inbox)
@@ -63,31 +69,33 @@ class Driver:
     def _loop(
         self, goals: Iterator[Goal] | None, listener: Listener | None, watchdog: Watchdog
     ) -> None:
-        controller = self.controller
+        controller, period = self.controller, self.controller.control_dt
         due = self._now()
         if goals is not None and not self._next_goal(goals):
             return
         while not self._ended.is_set():
             self._hear(due)
             now = self._now()
-            if now < due:
+            # Further away than one step it is only when the clock went back: that needs a step now.
+            if 0.0 < due - now <= period:
                 continue
-            self.late_steps += due > -math.inf and now - due > 0.5 * controller.control_dt
+            self.late_steps += due > -math.inf and now - due > 0.5 * period
             self.steps += 1
-            status = controller.step(now)
+            status = controller.step(now, link_age=self._link.age())
             self._link.tell(status.verdict.command)
             watchdog.feed()
             if self._record is not None:
                 self._record.command(status.verdict.command, now)
             if listener is not None:
                 listener(status)
-            ended = status.arrived or status.dropped
-            if ended and goals is not None and not self._next_goal(goals):
+            ended = goals is not None and controller.goal is None
+            if ended and not (status.arrived and self._next_goal(goals)):
                 return
-            due = max(due + controller.control_dt, now - controller.control_dt)
+            # Time that was lost is lost.
+            due = due + period if 0.0 <= now - due < period else now + period
 
-    def _next_goal(self, goals: Iterator[Goal]) -> bool:
-        goal = next(goals, None)
+    def _next_goal(self, goals: Iterator[Goal] | None) -> bool:
+        goal = next(goals, None) if goals is not None else None
         if goal is not None:
             self.controller.set_goal(goal)
         return goal is not None
@@ -96,19 +104,13 @@ class Driver:
         return self._clock if self._sim_time else time.monotonic()
 
     def _hear(self, due: float) -> None:
-        """Handle what comes until the next step is due, and all that has come by then."""
+        """Handle what has come; with nothing there wait for it, until the next step at most."""
         wait = 0.05 if self._sim_time else min(due - time.monotonic(), 0.05)
-        event = self._inbox.get(wait)
-        while event is not None:
+        for event in self._inbox.take(wait):
             self._handle(event)
-            event = self._inbox.get(0.0)
 
     def _handle(self, event: Event) -> None:
         controller, message = self.controller, event.message
-        if event.kind == "lost":
-            # What was measured before the connection was lost says nothing of what comes after.
-            controller.cancel()
-            return
         arrived = self._clock if self._sim_time else event.arrived
         if self._record is not None:
             self._record.event(event.kind, message, arrived)
@@ -117,6 +119,7 @@ class Driver:
         if event.kind == "scan":
             controller.see_scan(scan_from_ros(message), arrived)
         elif event.kind == "odometry":
+            self._frame = message.header.frame_id
             controller.see_odometry(odometry_from_ros(message), arrived)
         elif event.kind == "clock":
             self._clock = seconds(message.clock)
@@ -126,9 +129,18 @@ class Driver:
             controller.set_emergency(bool(message.data))
 
     def _take_goal(self, message: Any) -> None:
-        """Take a goal that is given in the odometry frame; there is no tf here for others."""
-        place = message.pose.position
+        """Take a goal that is given in the odometry frame; instead of any other the robot stands.
+
+        There is no tf here: the same numbers in another frame are another place.
+        """
+        place, frame = message.pose.position, message.header.frame_id
+        if frame not in ("", self._frame):
+            self.controller.cancel()
+            self.refused = f"a goal in the frame {frame!r}; odometry's is {self._frame!r}"
+            return
         try:
             self.controller.set_goal(Goal(float(place.x), float(place.y)))
-        except InputError:
+            self.refused = None
+        except InputError as error:
             self.controller.cancel()
+            self.refused = str(error)

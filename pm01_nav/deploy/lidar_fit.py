@@ -15,8 +15,11 @@ from pm01_nav.deploy.scan_matching import match
 from pm01_nav.geometry import to_frame, wrap_angle
 
 FloatArray = NDArray[np.float64]
-AT_REST = 2e-3
-"""Odometry slower than this is rest [m/s, rad/s]."""
+AT_REST = np.array([1e-3, 1e-3, 2e-3])
+"""By odometry a robot at rest moves no further than this while three scans are taken [m, m, rad].
+
+Speeds would not tell: some odometries are noisy, others say zero between two ticks of a wheel.
+"""
 SAME_SURFACE = (0.1, 0.1)
 """Ranges that differ by more than this [m] and this share of them are of two surfaces."""
 SURE_SHARE = 0.85
@@ -94,13 +97,17 @@ def _proportion(count: int, total: int) -> Estimate:
 
 
 def at_rest(scans: list[Scan], odometry: FloatArray) -> list[tuple[Scan, Scan, Scan]]:
-    """Return successive scans during which odometry (n, 3+) t, v, w says that nothing moves."""
-    speed = np.abs(odometry[:, 1:3]).max(axis=1)
+    """Return successive scans during which odometry (n, 6) t, v, w, x, y, yaw hardly moves."""
+    poses = odometry[:, 3:6].copy()
+    poses[:, 2] = np.unwrap(poses[:, 2])
     triples = []
     for before, now, after in zip(scans, scans[1:], scans[2:], strict=False):
-        during = (odometry[:, 0] >= before.stamp - 0.1) & (odometry[:, 0] <= after.stamp)
+        # A scan takes a while, up to its stamp or from it on.
+        turn = now.stamp - before.stamp
+        first, last = np.searchsorted(odometry[:, 0], [before.stamp - turn, after.stamp + turn])
+        during = poses[first:last]
         alike = len(before.ranges) == len(now.ranges) == len(after.ranges)
-        if alike and during.any() and speed[during].max() < AT_REST:
+        if alike and len(during) > 1 and (np.ptp(during, axis=0) < AT_REST).all():
             triples.append((before, now, after))
     return triples
 

@@ -33,9 +33,9 @@ class Event(NamedTuple):
     """Something that came from the robot."""
 
     kind: str
-    """scan, odometry, goal, emergency_stop, clock or lost."""
+    """scan, odometry, goal, emergency_stop or clock."""
     message: Any
-    """As ``ros_messages`` reads it; None for lost alone."""
+    """With ROS's field names, for ``messages`` to read."""
     arrived: float
     """By the monotonic clock [s]."""
 
@@ -54,12 +54,14 @@ class Inbox:
             self._events.append(event)
             self._lock.notify()
 
-    def get(self, timeout: float) -> Event | None:
-        """Return the next event, or None if there is none within ``timeout`` [s]."""
+    def take(self, timeout: float) -> list[Event]:
+        """Return all that has come, oldest first; with nothing there wait up to ``timeout`` [s]."""
         with self._lock:
             if not self._events and timeout > 0.0:
                 self._lock.wait(timeout)
-            return self._events.popleft() if self._events else None
+            events = list(self._events)
+            self._events.clear()
+        return events
 
 
 class Link(Protocol):
@@ -71,6 +73,13 @@ class Link(Protocol):
 
     def tell(self, command: Command) -> None:
         """Send a command; without a connection it is lost."""
+        ...
+
+    def age(self) -> float:
+        """Return how long ago the newest of what has come back from the robot was sent [s].
+
+        It is 0 where nothing comes back.
+        """
         ...
 
     def close(self) -> None:

@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.deploy.messages import Scan
-from pm01_nav.deploy.outline import Outline
-from pm01_nav.geometry import after_twist, to_frame, to_world
+from pm01_nav.geometry import after_twist, to_frame, to_world, wrap_angle
+
+if TYPE_CHECKING:
+    from pm01_nav.robot import Footprint
 
 FloatArray = NDArray[np.float64]
 STEP = 0.01
@@ -19,6 +22,36 @@ MAX_LOOKS = 64
 """... unless there were more looks than this: a fast robot takes longer steps, and more room."""
 NEARER = 1e-5
 """A point that already is too close may come so much closer unnoticed [m]."""
+CONE = math.pi / 4 + 1e-6
+"""What lies that way is what lies within this angle of it [rad]."""
+
+
+class Outline:
+    """A circle, or a convex polygon, in base_link."""
+
+    def __init__(self, footprint: Footprint) -> None:
+        """Take over what a robot's description says of its outline."""
+        self.radius = footprint.circumscribed_radius
+        """Distance from base_link to the farthest point of the outline [m]."""
+        self.turning_radius = 0.0 if footprint.shape == "circle" else self.radius
+        """How far turning moves a point of the outline to another place, for each radian [m]."""
+        self._normals: FloatArray | None = None
+        if footprint.shape == "polygon":
+            corners = np.array(footprint.vertices)
+            edges = np.roll(corners, -1, axis=0) - corners
+            # Counter-clockwise, so the outside is to the right.
+            outward = np.stack([edges[:, 1], -edges[:, 0]], axis=-1)
+            self._normals = outward / np.linalg.norm(outward, axis=1, keepdims=True)
+            self._offsets = (self._normals * corners).sum(axis=1)
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """Return how far points (..., 2) are outside [m]; negative inside, shape (...).
+
+        Beside a polygon's corner it is less than the true distance, never more.
+        """
+        if self._normals is None:
+            return np.hypot(points[..., 0], points[..., 1]) - self.radius
+        return (points @ self._normals.T - self._offsets).max(axis=-1)
 
 
 def returns_as_points(scan: Scan, mount: FloatArray) -> FloatArray:
@@ -36,6 +69,22 @@ def returns_as_points(scan: Scan, mount: FloatArray) -> FloatArray:
     angle = scan.angle_min + scan.angle_increment * shown
     points = np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=-1)
     return to_world(points, mount)
+
+
+def seen_share(scan: Scan, mount_yaw: float) -> tuple[float, float]:
+    """Return how much of what lies ahead, and of what lies behind, a scan tells anything of.
+
+    It is the number of beams within ``CONE`` that are not NaN, as a share of those that a lidar
+    which looks there would have.
+    """
+    ranges = np.asarray(scan.ranges)
+    angles: FloatArray = (
+        mount_yaw + scan.angle_min + scan.angle_increment * np.arange(len(ranges), dtype=np.float64)
+    )
+    ahead = np.abs(wrap_angle(angles[~np.isnan(ranges)]))
+    wanted = 2.0 * CONE / abs(scan.angle_increment) if scan.angle_increment else math.inf
+    counts = (np.count_nonzero(ahead <= CONE), np.count_nonzero(ahead >= math.pi - CONE))
+    return counts[0] / wanted, counts[1] / wanted
 
 
 def time_to_contact(

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pm01_nav.deploy.messages import Odometry, Scan
-from pm01_nav.deploy.ros_messages import odometry_from_ros, scan_from_ros
+from pm01_nav.deploy.messages import Odometry, Scan, odometry_from_ros, scan_from_ros
 from pm01_nav.deploy.safety import Command
 from pm01_nav.errors import InputError
 

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any
 from urllib.parse import urlsplit
+from uuid import uuid4
 
 from pm01_nav.deploy.link import Inbox, Topics
-from pm01_nav.deploy.ros_messages import from_json
+from pm01_nav.deploy.messages import from_json
 from pm01_nav.deploy.safety import Command
 from pm01_nav.errors import InputError
 
@@ -18,7 +21,12 @@ PING_S = 1.0
 
 
 class RosbridgeLink:
-    """A robot's topics over a websocket to rosbridge."""
+    """A robot's topics over a websocket to rosbridge.
+
+    The bridge handles one message after the other and queues what it cannot keep up with, so what
+    comes may be late without being seen to be: in simulated time its clock is late, too. With each
+    command goes a number to a topic of ours; when it comes back tells how late the bridge is.
+    """
 
     def __init__(self, url: str, topics: Topics) -> None:
         """Prepare to connect to ``url``, such as ws://127.0.0.1:9090.
@@ -39,6 +47,9 @@ class RosbridgeLink:
         """How often the connection was lost."""
         self._ros: Any = None
         self._commands: Any = None
+        self._echoes: Any = None
+        self._echoed = -math.inf
+        """When the newest number was sent that came back, by the monotonic clock [s]."""
 
     def open(self, inbox: Inbox) -> None:
         """Begin to connect, and go on until it works, now and after every loss."""
@@ -49,25 +60,36 @@ class RosbridgeLink:
         factory.initialDelay = factory.delay = FIRST_PAUSE_S
         factory.maxDelay = LONGEST_PAUSE_S
         factory.setProtocolOptions(autoPingInterval=PING_S, autoPingTimeout=PING_S)
-        ros.on("close", lambda _: self._lost(inbox))
+        ros.on("close", self._on_close)
         topics = self.topics
-        for kind, name, message in (
-            ("clock", topics.clock, "rosgraph_msgs/Clock"),
-            ("scan", topics.scan, "sensor_msgs/LaserScan"),
-            ("odometry", topics.odometry, "nav_msgs/Odometry"),
-            ("goal", topics.goal, "geometry_msgs/PoseStamped"),
-            ("emergency_stop", topics.emergency_stop, "std_msgs/Bool"),
+        for kind, name, message, kept in (
+            ("clock", topics.clock, "rosgraph_msgs/Clock", 1),
+            ("scan", topics.scan, "sensor_msgs/LaserScan", 1),
+            ("odometry", topics.odometry, "nav_msgs/Odometry", 1),
+            # Of these each counts: 0 is no queue, so nothing falls out of it.
+            ("goal", topics.goal, "geometry_msgs/PoseStamped", 0),
+            ("emergency_stop", topics.emergency_stop, "std_msgs/Bool", 0),
         ):
-            topic = roslibpy.Topic(ros, f"/{name}", message, queue_length=1)
+            topic = roslibpy.Topic(ros, f"/{name}", message, queue_length=kept)
             topic.subscribe(_putter(inbox, kind))
         kind = "geometry_msgs/TwistStamped" if topics.stamped else "geometry_msgs/Twist"
         self._commands = roslibpy.Topic(ros, f"/{topics.command}", kind, queue_size=1)
         self._commands.advertise()
+        name = f"/pm01_drive_{uuid4().hex}/echo"
+        self._echoes = roslibpy.Topic(ros, name, "std_msgs/Float64", queue_length=1, queue_size=1)
+        self._echoes.advertise()
+        self._echoes.subscribe(self._hear_echo)
         factory.manager.run()
 
-    def _lost(self, inbox: Inbox) -> None:
+    def _hear_echo(self, message: dict[str, Any]) -> None:
+        self._echoed = max(self._echoed, float(message["data"]))
+
+    def age(self) -> float:
+        """Return how long ago the newest number was sent that has come back [s]."""
+        return time.monotonic() - self._echoed
+
+    def _on_close(self, _: Any) -> None:
         self.losses += 1
-        inbox.put("lost", None)
 
     def tell(self, command: Command) -> None:
         """Send a command, unless there is no connection: kept ones would come much too late."""
@@ -81,6 +103,7 @@ class RosbridgeLink:
             header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "base_link"}
             twist = {"header": header, "twist": twist}
         self._commands.publish(twist)
+        self._echoes.publish({"data": time.monotonic()})
 
     def close(self) -> None:
         """Disconnect for good."""

@@ -18,11 +18,16 @@ from numpy.typing import NDArray
 
 from pm01_nav.deploy.freshness import Arrival, Stream
 from pm01_nav.deploy.messages import Odometry, Scan
-from pm01_nav.deploy.motion_check import allowed_share, returns_as_points, time_to_contact
+from pm01_nav.deploy.motion_check import (
+    Outline,
+    allowed_share,
+    returns_as_points,
+    seen_share,
+    time_to_contact,
+)
 from pm01_nav.deploy.odometry_track import OdometryTrack
-from pm01_nav.deploy.outline import Outline
 from pm01_nav.errors import InputError
-from pm01_nav.geometry import to_frame, to_world
+from pm01_nav.geometry import to_frame, to_world, wrap_angle
 
 if TYPE_CHECKING:
     from pm01_nav.robot import RobotSpec
@@ -30,12 +35,18 @@ if TYPE_CHECKING:
 Command = tuple[float, float]
 """v and w [m/s, rad/s]."""
 STOP: Command = (0.0, 0.0)
+LINK_TIMEOUT_S = 0.4
+"""What has come back from the robot was sent no longer ago: a control step, there and back [s]."""
 LEAST_SHARE = 0.05
 """Instead of less than this share of a command the robot stands."""
-ODOMETRY_SLACK = 0.3
-"""Odometry may move by so much more than the robot can without having jumped [m]."""
+ODOMETRY_SLACK = np.array([0.3, 0.5])
+"""Odometry may move by so much more than the robot can without having jumped [m, rad]."""
 IMPLAUSIBLE = 3.0
 """Odometry that says the robot is faster than this many times its limits is wrong."""
+WATCHDOG_S = 0.15
+"""After so long without a command a watchdog says stop [s]..."""
+COMMAND_HELD_S = 0.2
+"""... so that a base that heard nothing for this long no longer follows the last command [s]."""
 
 
 class Reason(Enum):
@@ -50,10 +61,12 @@ class Reason(Enum):
     NO_ODOMETRY = "no odometry yet"
     STALE_ODOMETRY = "odometry is too old"
     INVALID_ODOMETRY = "odometry is not finite, or faster than the robot can be"
+    SLOW_LINK = "the connection to the robot is too slow"
     LOST_TRANSFORM = "the transform to the goal's frame is missing or too old"
     NO_GOAL = "no goal"
     POLICY_FAILED = "the policy gave no usable command"
     OBSTACLE = "an obstacle is too close"
+    UNSEEN = "the lidar does not see what lies that way"
     SLOWED = "slower: an obstacle is near"
 
 
@@ -77,7 +90,8 @@ class SafetyConfig:
     clock_jump_s: float = 1.0
     """Stamps that go back, or run ahead, by more than this are a jump."""
     valid_share_min: float = 0.5
-    """A scan with a smaller share of beams that are not NaN is unusable."""
+    """A scan with a smaller share of beams that are not NaN is unusable; one with a smaller share
+    of them in the direction of travel lets the robot turn only."""
     padding: float = 0.02
     """The outline is larger by this to every side [m]."""
     reaction_s: float = 0.15
@@ -118,11 +132,21 @@ class SafetySupervisor:
         """Guard ``robot``, which gets a command every ``control_dt`` [s].
 
         ``same_clock``: stamps are of the clock that ``now`` is of, as in simulated time.
+
+        Raises:
+            InputError: commands would come too seldom for a watchdog.
         """
+        if not 0.0 < control_dt < WATCHDOG_S:
+            raise InputError(
+                f"control_dt = {control_dt:g} s: the watchdog stops a robot that hears nothing "
+                f"for {WATCHDOG_S:g} s; train with a shorter control_dt"
+            )
         self.config = config
         self.control_dt = control_dt
         self._limits = robot.limits
-        self._fastest = max(robot.limits.linear_max, -robot.limits.linear_min)
+        self._fastest = np.array(
+            [max(robot.limits.linear_max, -robot.limits.linear_min), robot.limits.angular_max]
+        )
         self._outline = Outline(robot.footprint)
         self._mount = np.array([robot.lidar.x, robot.lidar.y, robot.lidar.yaw])
         self._reaction = config.reaction_s + control_dt + robot.actuator.lag_s
@@ -130,9 +154,10 @@ class SafetySupervisor:
         self._odometries = Stream(config.clock_jump_s, same_clock=same_clock)
         self._returns: NDArray[np.float64] | None = None
         self._scan_stamp = 0.0
+        self._seen = (0.0, 0.0)
         self._track = OdometryTrack(config.odometry_timeout_s)
         self._odometry_valid = False
-        self._emergency = False
+        self._emergency: set[str] = set()
         self._jumped: Reason | None = None
         self._now = -math.inf
         self._commanded_at = -math.inf
@@ -140,12 +165,12 @@ class SafetySupervisor:
 
     @property
     def emergency(self) -> bool:
-        """Whether the emergency stop is pressed."""
-        return self._emergency
+        """Whether somebody presses the emergency stop."""
+        return bool(self._emergency)
 
-    def set_emergency(self, pressed: bool) -> None:
-        """Press or release the emergency stop."""
-        self._emergency = pressed
+    def set_emergency(self, pressed: bool, source: str) -> None:
+        """Press or release the emergency stop of one ``source``; each releases only its own."""
+        (self._emergency.add if pressed else self._emergency.discard)(source)
 
     def see_scan(self, scan: Scan, now: float) -> bool:
         """Take in a scan that arrived at ``now`` [s]; tell whether it is newer than the last."""
@@ -157,6 +182,7 @@ class SafetySupervisor:
             return False
         usable = self._is_usable(scan)
         self._returns = returns_as_points(scan, self._mount) if usable else None
+        self._seen = seen_share(scan, float(self._mount[2])) if usable else (0.0, 0.0)
         self._scan_stamp = scan.stamp
         return usable
 
@@ -198,16 +224,22 @@ class SafetySupervisor:
         return self._track.newest
 
     def faults(
-        self, now: float, *, goal: bool = True, transform_age: float = 0.0
+        self,
+        now: float,
+        *,
+        goal: bool = True,
+        transform_age: float = 0.0,
+        link_age: float = 0.0,
     ) -> tuple[Reason, ...]:
         """Return every reason why the robot must stand at ``now`` [s], whatever the policy says.
 
-        ``transform_age`` [s] is how old the transform to the goal's frame is.
+        ``transform_age`` [s] is how old the transform to the goal's frame is; ``link_age`` [s] how
+        long ago the newest of what has come back from the robot was sent, by a clock of ours.
         """
         self._follow_clock(now)
         config = self.config
         checks = (
-            (Reason.EMERGENCY_STOP, self._emergency),
+            (Reason.EMERGENCY_STOP, self.emergency),
             (Reason.CLOCK_JUMP, self._jumped is Reason.CLOCK_JUMP),
             (Reason.ODOMETRY_JUMP, self._jumped is Reason.ODOMETRY_JUMP),
             (Reason.NO_SCAN, not self._scans.begun),
@@ -223,6 +255,7 @@ class SafetySupervisor:
                 and not self._odometries.age(now) <= config.odometry_timeout_s,
             ),
             (Reason.INVALID_ODOMETRY, self._odometries.begun and not self._odometry_valid),
+            (Reason.SLOW_LINK, not link_age <= LINK_TIMEOUT_S),
             (Reason.LOST_TRANSFORM, not transform_age <= config.transform_timeout_s),
             (Reason.NO_GOAL, not goal),
         )
@@ -235,13 +268,14 @@ class SafetySupervisor:
         *,
         goal: bool = True,
         transform_age: float = 0.0,
+        link_age: float = 0.0,
     ) -> Verdict:
         """Return what the robot is told at ``now`` [s] instead of ``proposed`` v and w.
 
         None, or what is no pair of finite numbers, counts as a failure of the policy. The rest is
         as for ``faults``. A jump is over once the robot was told to stop for it.
         """
-        faults = self.faults(now, goal=goal, transform_age=transform_age)
+        faults = self.faults(now, goal=goal, transform_age=transform_age, link_age=link_age)
         command = _as_command(proposed)
         elapsed = max(0.0, now - self._commanded_at)
         self._commanded_at = now
@@ -256,6 +290,8 @@ class SafetySupervisor:
     def _limited(self, command: Command, elapsed: float) -> Command:
         """Keep a command within the limits of speed, and within reach of the last one."""
         limits, step = self._limits, min(elapsed, self.control_dt)
+        if elapsed > COMMAND_HELD_S:
+            self._command = STOP
         v = min(max(command[0], limits.linear_min), limits.linear_max)
         w = min(max(command[1], -limits.angular_max), limits.angular_max)
         dv, dw = limits.linear_acceleration * step, limits.angular_acceleration * step
@@ -283,13 +319,15 @@ class SafetySupervisor:
         if share < 1.0:
             v, w = _not_faster(v, share * moving[0]), _not_faster(w, share * moving[1])
         share, contact = self._share(points, (v, w), reaction)
-        if share >= LEAST_SHARE:
+        unseen = v != 0.0 and self._seen[v < 0.0] < self.config.valid_share_min
+        if share >= LEAST_SHARE and not unseen:
             slowed = share < 1.0 or (v, w) != command
             return Verdict((share * v, share * w), (Reason.SLOWED,) if slowed else (), contact)
         # No way ahead on this arc: it may still turn away on the spot.
         share, _ = self._share(points, (0.0, w), reaction)
         turn = share * w if share >= LEAST_SHARE else 0.0
-        return Verdict((0.0, turn), (Reason.OBSTACLE,), contact)
+        reason = Reason.UNSEEN if unseen else Reason.OBSTACLE
+        return Verdict((0.0, turn), (reason,), contact)
 
     def _share(
         self,
@@ -315,15 +353,14 @@ class SafetySupervisor:
         numbers = np.concatenate([odometry.pose, odometry.twist])
         if numbers.shape != (5,) or not np.isfinite(numbers).all():
             return False
-        v, w = np.abs(odometry.twist)
-        return bool(
-            v <= IMPLAUSIBLE * self._fastest and w <= IMPLAUSIBLE * self._limits.angular_max
-        )
+        fastest = IMPLAUSIBLE * self._fastest
+        return bool((np.abs(odometry.twist) <= fastest).all())
 
     def _moved_too_far(self, before: Odometry, after: Odometry) -> bool:
-        elapsed = after.stamp - before.stamp
-        moved = math.hypot(*(after.pose[:2] - before.pose[:2]))
-        return moved > 2.0 * self._fastest * elapsed + ODOMETRY_SLACK
+        change = after.pose - before.pose
+        moved = np.abs([np.hypot(change[0], change[1]), wrap_angle(change[2])])
+        possible = 2.0 * self._fastest * (after.stamp - before.stamp)
+        return bool((moved > possible + ODOMETRY_SLACK).any())
 
     def _follow_clock(self, now: float) -> None:
         """Notice that our own clock went back: all ages are then unknown."""

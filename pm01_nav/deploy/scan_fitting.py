@@ -10,8 +10,13 @@ from numpy.typing import NDArray
 
 from pm01_nav.deploy.messages import Scan
 from pm01_nav.errors import InputError
-from pm01_nav.geometry import wrap_angle
-from pm01_nav.task.observation import ScanGeometry
+from pm01_nav.geometry import to_world, wrap_angle
+from pm01_nav.task.observation import (
+    ObservationLayout,
+    ScanGeometry,
+    discard_invalid,
+    pool_sectors,
+)
 
 FloatArray = NDArray[np.float64]
 ANGLE_TOLERANCE = 1e-3
@@ -98,3 +103,22 @@ def _closest(
     off = np.abs(wrap_angle(angles - (angle_min + increment * after)))
     off_first = np.abs(wrap_angle(angles - angle_min))
     return np.where(off_first < off, 0, after), np.minimum(off, off_first)
+
+
+def sector_lines(
+    layout: ObservationLayout, ranges: NDArray[np.float32], mount: FloatArray
+) -> FloatArray:
+    """Return from where to where each beam or sector of a policy looks, (n, 2, 2) [m].
+
+    It is in base_link. ``ranges`` (num_beams,) are raw ones of the layout's lidar, ``mount`` (3,)
+    is its pose. A sector is drawn along its middle; no return ends at range_max, too close at
+    range_min.
+    """
+    scan = layout.scan
+    nearest = pool_sectors(discard_invalid(ranges, scan), layout.sectors)
+    shown = np.clip(nearest, scan.range_min, scan.range_max)
+    per_sector = scan.num_beams // len(shown)
+    middle = per_sector * np.arange(len(shown)) + 0.5 * (per_sector - 1)
+    angle = scan.angle_min + scan.angle_increment * middle
+    ends = np.stack([shown * np.cos(angle), shown * np.sin(angle)], axis=-1)
+    return to_world(np.stack([np.zeros_like(ends), ends], axis=1), mount)

@@ -7,19 +7,26 @@ It stands in for a robot where there is none: behind ROS topics (``sim_node``), 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pm01_nav.arrays import NUMPY
+from pm01_nav.backends import BackendName, make_simulator
+from pm01_nav.deploy.controller import Controller, Goal
 from pm01_nav.deploy.messages import Odometry, Scan
 from pm01_nav.geometry import to_world
 from pm01_nav.robot import RobotSpec, load_robot
-from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.task.randomization import RandomizationConfig, load_randomization
 from pm01_nav.task.tasks import TASKS, task_config
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.worlds.files import read_world
 from pm01_nav.worlds.pool import WorldPool, build_pool
+
+if TYPE_CHECKING:
+    from pm01_nav.deploy.recording import Recorder
 
 NUM_WORLDS = 32
 """Of a suite; each reset draws one of them."""
@@ -40,18 +47,21 @@ class SimulatedRobot:
         scan_period: float = 0.1,
         command_timeout: float = 0.2,
         randomization: RandomizationConfig | None = None,
+        backend: BackendName = "planar",
     ) -> None:
         """Put ``robot`` at a start in a world of ``pool``.
 
         ``dt`` [s] is a step and the time between two odometries, ``scan_period`` [s] that between
         two scans. Without a command for ``command_timeout`` [s] the motors stop, as a base with a
-        watchdog of its own does. With ``randomization`` something is wrong with the robot.
+        watchdog of its own does. With ``randomization`` something is wrong with the robot; only the
+        planar ``backend`` has that.
         """
         self.robot = robot
         self.dt = dt
         self._steps_per_scan = max(1, round(scan_period / dt))
         self._command_timeout = command_timeout
-        self._simulator = PlanarSimulator(robot, pool, 1, control_dt=dt, goal_distance=(2.0, 1e9))
+        how = {"control_dt": dt, "goal_distance": (2.0, 1e9)}
+        self._simulator = make_simulator(backend, NUMPY, robot, pool, 1, **how)
         if randomization is not None:
             self._simulator.perturb(randomization.ranges(robot))
         self._simulator.seed([seed])
@@ -163,3 +173,45 @@ def simulated_robot(
         command_timeout=command_timeout,
         randomization=load_randomization(randomization),
     )
+
+
+def drive_simulated(
+    controller: Controller, robot: SimulatedRobot, seconds: float, recorder: Recorder | None = None
+) -> int:
+    """Drive for ``seconds`` of simulated time; return how many goals were reached.
+
+    After each goal the robot gets another one in the same world.
+    """
+    arrived, due, until = 0, robot.time, robot.time + seconds
+    goals = _goals(robot)
+    controller.set_goal(next(goals))
+    while robot.time < until - 1e-9:
+        new_scan = robot.step()
+        odometry = robot.odometry()
+        controller.see_odometry(odometry, robot.time)
+        if recorder is not None:
+            recorder.odometry(odometry, robot.time)
+        if new_scan:
+            scan = robot.scan()
+            controller.see_scan(scan, robot.time)
+            if recorder is not None:
+                recorder.scan(scan, robot.time)
+        if robot.time < due - 1e-9:
+            continue
+        due += controller.control_dt
+        status = controller.step(robot.time)
+        robot.command(*status.verdict.command)
+        if recorder is not None:
+            recorder.command(status.verdict.command, robot.time)
+        if status.arrived:
+            arrived += 1
+            controller.set_goal(next(goals))
+    return arrived
+
+
+def _goals(robot: SimulatedRobot) -> Iterator[Goal]:
+    """Yield the episode's goal, then its start, and so on: a way there is a way back."""
+    there, back = robot.goal, robot.pose[:2]
+    while True:
+        yield Goal(*map(float, there))
+        there, back = back, there

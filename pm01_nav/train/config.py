@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pm01_nav.arrays import Device
+from pm01_nav.backends import MOST_ROBOTS
 from pm01_nav.config import FrozenModel
 from pm01_nav.robot import Positive
 from pm01_nav.task.config import TaskConfig
@@ -32,6 +33,18 @@ def device_defaults(device: str) -> dict[str, Any]:
         return {}
     ppo = {"n_envs": 4096, "n_steps": 28, "batch_size": 14336}
     return {"learner": "rsl_rl", "eval_every": 50_000_000, "ppo": ppo}
+
+
+def backend_defaults(backend: str) -> dict[str, Any]:
+    """Return settings of ``train`` for a backend that makes a hundred steps/s, not a million."""
+    if backend not in MOST_ROBOTS:
+        return {}
+    n_envs = MOST_ROBOTS[backend]
+    few = {"n_envs": n_envs, "n_steps": 256, "batch_size": 256}
+    ppo = few | {"n_epochs": 10, "learning_rate": 3e-4, "learning_rate_final": 1.0}
+    off_policy = {"n_envs": n_envs, "learning_starts": 1000}
+    sections = {"ppo": ppo, **{name: off_policy for name in ("sac", "td3", "tqc")}}
+    return {"eval_every": 50_000, "eval_episodes": 20, **sections}
 
 
 class TrainConfig(FrozenModel):

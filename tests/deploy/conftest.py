@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import sys
 from pathlib import Path
 
@@ -51,13 +51,14 @@ def make_odometry():
 
 
 @pytest.fixture(scope="session")
-def safety_fuzz():
+def benchmark_script():
+    """Return a function that imports a script of ``benchmarks/`` by its name."""
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    yield importlib.import_module
+    sys.path.remove(str(ROOT / "benchmarks"))
+
+
+@pytest.fixture(scope="session")
+def safety_fuzz(benchmark_script):
     """Return the fuzzer ``benchmarks/safety_fuzz.py`` as a module."""
-    path = ROOT / "benchmarks" / "safety_fuzz.py"
-    spec = importlib.util.spec_from_file_location("safety_fuzz", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["safety_fuzz"] = module
-    spec.loader.exec_module(module)
-    return module
+    return benchmark_script("safety_fuzz")

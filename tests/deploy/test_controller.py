@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ from pm01_nav.deploy.safety import Reason, SafetyConfig
 from pm01_nav.deploy.simulated_robot import SimulatedRobot
 from pm01_nav.errors import InputError
 from pm01_nav.planners import make_planner
-from pm01_nav.task.observation import scan_geometry
+from pm01_nav.task.action import ActionLimits
+from pm01_nav.task.observation import ObservationLayout, scan_geometry
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
 
@@ -96,11 +98,67 @@ def test_the_emergency_stop_ends_the_goal(controller, policy):
     assert controller.step(5.1).verdict.command == pytest.approx((0.1, 0.0))
 
 
+def test_a_button_that_repeats_that_it_is_released_ends_nothing(controller):
+    controller.set_goal(Goal(0.0, 5.0))
+    controller.set_emergency(False)
+    assert controller.step(5.0).verdict.command == pytest.approx((0.1, 0.0))
+
+
+def test_a_goal_sent_under_the_emergency_stop_is_not_taken(controller):
+    controller.set_emergency(True)
+    controller.set_goal(Goal(0.0, 5.0))
+    controller.set_emergency(False)
+    assert controller.step(5.0).verdict.reasons == (Reason.NO_GOAL,)
+
+
+def test_a_policy_that_takes_too_long_is_not_obeyed(controller, policy):
+    controller.set_goal(Goal(0.0, 5.0))
+    # Longer than a control step of 0.1 s: by now a watchdog says stop, and must not be overruled.
+    policy.act = lambda *_: time.sleep(0.12) or (0.1, 0.0)
+    status = controller.step(5.0)
+    assert status.verdict.reasons == (Reason.POLICY_FAILED,)
+    assert "longer than a control step" in controller.failure
+
+
+def test_what_a_policy_sees_can_be_drawn(robot, make_scan):
+    geometry = scan_geometry(robot.lidar)
+    policy = Recorder()
+    controller = Controller(
+        policy, robot, geometry, control_dt=0.1, goal_radius=0.3, safety=SafetyConfig()
+    )
+    assert controller.beams().shape == (0, 2, 2)
+    limits = ActionLimits(
+        robot.limits.linear_min, robot.limits.linear_max, robot.limits.angular_max
+    )
+    policy.layout = ObservationLayout(geometry, limits, sectors=4)
+    controller.see_scan(make_scan(5.0, 2.0), 5.0)
+    lines = controller.beams()
+    # Four sectors of 90 beams, one a degree, from behind on: their middles look 44.5 deg further.
+    angle = -math.pi + math.radians(44.5)
+    assert lines[0, 0] == pytest.approx([0.0, 0.0])
+    assert lines[0, 1] == pytest.approx([2.0 * math.cos(angle), 2.0 * math.sin(angle)], abs=1e-3)
+
+
 def test_a_clock_that_jumps_drops_the_goal(controller, make_scan):
     controller.set_goal(Goal(0.0, 5.0))
     controller.see_scan(make_scan(2.0), 5.1)
     status = controller.step(5.1)
     assert status.dropped
+    assert controller.goal is None
+
+
+def test_a_robot_that_had_to_stand_for_long_does_not_start_by_itself(
+    controller, make_scan, make_odometry
+):
+    controller.set_goal(Goal(0.0, 5.0))
+    controller.step(5.0)
+    # 9 s of silence are waited for; what comes then lets it go on. 10 s more are too long.
+    assert not controller.step(14.0).dropped
+    controller.see_odometry(make_odometry(14.1, pose=(1.0, 2.0, math.pi / 2)), 14.1)
+    controller.see_scan(make_scan(14.1), 14.1)
+    assert controller.step(14.1).verdict.command[0] > 0.0
+    assert not controller.step(24.0).dropped
+    assert controller.step(24.2).dropped
     assert controller.goal is None
 
 

@@ -16,13 +16,14 @@ import pytest
 
 from pm01_nav.deploy.controller import Controller, Goal
 from pm01_nav.deploy.driver import Driver
-from pm01_nav.deploy.link import Topics
+from pm01_nav.deploy.link import Inbox, Topics
 from pm01_nav.deploy.safety import Reason, SafetyConfig
 from pm01_nav.errors import InputError
 from pm01_nav.planners import make_planner
 from pm01_nav.task.observation import scan_geometry
 
 pytest.importorskip("cyclonedds")
+
 
 from pm01_nav.deploy.dds import DdsLink, dds_config
 
@@ -96,3 +97,19 @@ def test_loopback_is_the_default_and_peers_beyond_it_need_an_address():
     with pytest.raises(InputError, match="must be an IP address"):
         dds_config("robot.local", ())
     assert '<Peer address="192.0.2.7"/>' in dds_config("192.0.2.1", ("192.0.2.7",))
+
+
+@pytest.mark.parametrize("latched", [True, False])
+def test_an_emergency_stop_is_heard_whether_it_was_latched_before_or_said_now(domain, latched):
+    command = [sys.executable, str(PEER.with_name("dds_button.py")), str(domain), str(latched)]
+    button = subprocess.Popen(command, stdout=subprocess.PIPE)
+    assert button.stdout is not None
+    assert button.stdout.readline() == b"pressed\n"
+    link, inbox = DdsLink(Topics(), domain=domain), Inbox()
+    link.open(inbox)
+    events = inbox.take(20.0)
+    link.close()
+    button.kill()
+    button.wait()
+    assert events[0].kind == "emergency_stop"
+    assert events[0].message.data

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from pm01_nav.deploy.base_fit import fit_base
-from pm01_nav.deploy.lidar_fit import fit_noise
-from pm01_nav.deploy.messages import Scan
-from pm01_nav.deploy.ros_messages import from_json, odometry_from_ros
+from pm01_nav.deploy.lidar_fit import at_rest, fit_noise
+from pm01_nav.deploy.messages import Scan, from_json, odometry_from_ros
 from pm01_nav.deploy.scan_matching import match
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame
@@ -68,6 +67,45 @@ def test_a_base_with_known_faults_is_recognised(robot):
         # Within 3 % or, for the delay, the step of the model; intervals are narrow, not wild.
         assert found.value == pytest.approx(value, rel=0.03, abs=0.005), name
         assert found.high - found.low < 0.15 * value, name
+
+
+@pytest.mark.slow
+def test_a_robot_of_mujoco_is_recognised_from_its_recording(benchmark_script):
+    """Physics, noise on all that is measured, the supervisor and an MCAP file in between."""
+    pytest.importorskip("mujoco")
+    pytest.importorskip("rosbags")
+    rows = benchmark_script("identification").recover(seed=0, seconds=120.0)
+    tolerances = {
+        # Wheels that slip and tyres that give, beside what the model knows.
+        "wheel_left_factor": 0.01,
+        "wheel_right_factor": 0.01,
+        "wheel_separation_factor": 0.01,
+        # A tick of the simulator's wheel controller.
+        "command_delay_s": 0.02,
+        "actuator_lag": 0.01,
+        "linear_acceleration": 0.1,
+        "angular_acceleration": 0.3,
+        "lidar_noise_std": 0.001,
+        "lidar_dropout": 0.01,
+        "travel_scale": 0.01,
+    }
+    for name, tolerance in tolerances.items():
+        assert rows[name]["found"] == pytest.approx(rows[name]["true"], abs=tolerance), name
+
+
+def test_rest_is_told_by_where_odometry_is_not_by_its_noisy_speed(make_scan):
+    rng = np.random.default_rng(0)
+    times = np.arange(0.0, 2.0, 0.02)
+    odometry = np.zeros((len(times), 6))
+    odometry[:, 0] = times
+    odometry[:, 1:3] = rng.normal(0.0, 0.01, (len(times), 2))
+    # From 1 s on it creeps at 2 cm/s: three scans and the time they take are 6 mm apart.
+    odometry[times >= 1.0, 3] = 0.02 * (times[times >= 1.0] - 1.0)
+    scans = [make_scan(0.1 * k, 1.0) for k in range(20)]
+    found = [triple[0].stamp for triple in at_rest(scans, odometry)]
+    assert found
+    # A triple that ends with its scan at 0.9 s, which takes until 1 s, is the last one.
+    assert max(found) == pytest.approx(0.7)
 
 
 def test_limits_that_were_never_reached_are_not_known(robot):

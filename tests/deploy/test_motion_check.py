@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 
 from pm01_nav.deploy.messages import Scan
-from pm01_nav.deploy.motion_check import allowed_share, returns_as_points, time_to_contact
-from pm01_nav.deploy.outline import Outline
+from pm01_nav.deploy.motion_check import (
+    Outline,
+    allowed_share,
+    returns_as_points,
+    seen_share,
+    time_to_contact,
+)
 from pm01_nav.robot import Footprint
 
 DISC = Outline(Footprint(shape="circle", radius=0.2))
@@ -105,3 +110,13 @@ def test_returns_by_rep_117_and_the_mount():
     # Beam 3 (270 deg, in base_link straight ahead) is too close: 0.1 m beyond the mount.
     found = returns_as_points(scan, np.array([0.1, 0.0, math.pi / 2]))
     assert found == pytest.approx(np.array([[0.1, 1.0], [0.2, 0.0]]), abs=1e-7)
+
+
+def test_seen_share():
+    # Eight beams 45 deg apart from behind on. The quarter circle ahead has room for two; it has
+    # those at -45, 0 and 45 deg, of which one says nothing. Behind are -180, -135 and 135 deg.
+    ranges = np.array([math.inf, 1.0, 1.0, math.nan, 1.0, math.inf, 1.0, 1.0], dtype=np.float32)
+    scan = Scan(0.0, -math.pi, math.pi / 4, 0.1, 3.0, ranges)
+    assert seen_share(scan, 0.0) == pytest.approx((1.0, 1.5), abs=1e-5)
+    # The same lidar, turned to look back.
+    assert seen_share(scan, math.pi) == pytest.approx((1.5, 1.0), abs=1e-5)

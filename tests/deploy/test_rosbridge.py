@@ -37,6 +37,7 @@ class Bridge:
     def __init__(self, port: int = 0) -> None:
         self.heard: list[dict[str, Any]] = []
         self.clients: list[Any] = []
+        self.echoes = True
         self._server = websockets.serve(self._serve, "127.0.0.1", port)
         self.port = self._server.socket.getsockname()[1]
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
@@ -44,7 +45,9 @@ class Bridge:
     def _serve(self, client: Any) -> None:
         self.clients.append(client)
         for text in client:
-            self.heard.append(json.loads(text))
+            self.heard.append(message := json.loads(text))
+            if message["op"] == "publish" and message["topic"].endswith("/echo") and self.echoes:
+                self.publish(message["topic"], message["msg"])
 
     def publish(self, topic: str, message: Any) -> None:
         self.clients[-1].send(json.dumps({"op": "publish", "topic": topic, "msg": message}))
@@ -82,33 +85,57 @@ def session():
 def test_messages_come_and_commands_go(session):
     bridge, link, inbox = session
     bridge.publish("/odom", ODOMETRY)
-    event = inbox.get(5.0)
-    assert event is not None
+    (event,) = inbox.take(5.0)
     assert event.kind == "odometry"
     assert event.message.twist.twist.linear.x == 0.25
     # JSON's null is a number that is none.
     assert event.message.twist.twist.angular.z != event.message.twist.twist.angular.z
     assert until(lambda: "/cmd_vel" in bridge.operations("advertise"))
     link.tell((0.3, -0.5))
-    assert until(lambda: bridge.operations("publish") == ["/cmd_vel"])
-    sent = bridge.heard[-1]["msg"]
+    assert until(lambda: "/cmd_vel" in bridge.operations("publish"))
+    sent = next(m["msg"] for m in bridge.heard if m.get("topic") == "/cmd_vel" and "msg" in m)
     assert sent["linear"]["x"] == 0.3
     assert sent["angular"]["z"] == -0.5
 
 
-def test_a_lost_connection_is_told_at_once_and_comes_back(session):
+def test_a_bridge_that_falls_behind_is_noticed(session):
+    bridge, link, _ = session
+
+    def told() -> bool:
+        link.tell((0.1, 0.0))
+        return link.age() < 0.4
+
+    assert until(told)
+    bridge.echoes = False
+    time.sleep(0.5)
+    link.tell((0.1, 0.0))
+    # What was sent before the bridge fell behind is half a second old, whatever is sent now.
+    assert link.age() >= 0.5
+    bridge.echoes = True
+    assert until(told)
+
+
+def test_no_press_of_the_emergency_stop_falls_out_of_a_queue(session):
+    bridge, _, _ = session
+    queues = {m["topic"]: m["queue_length"] for m in bridge.heard if m["op"] == "subscribe"}
+    # Of a state only the newest counts; a press that is followed by a release must arrive, too.
+    assert queues["/scan"] == 1
+    assert queues["/emergency_stop"] == 0
+
+
+def test_a_lost_connection_comes_back(session):
     bridge, link, inbox = session
     bridge.clients[-1].close()
-    event = inbox.get(5.0)
-    assert event is not None
-    assert event.kind == "lost"
+    assert until(lambda: link.losses == 1)
+    assert not inbox.take(0.0)
     link.tell((0.4, 0.0))
     assert until(lambda: len(bridge.clients) == 2)
     assert until(lambda: bridge.operations("subscribe").count("/odom") == 2)
     bridge.publish("/odom", ODOMETRY)
-    assert until(lambda: (event := inbox.get(0.0)) is not None and event.kind == "odometry")
+    assert until(lambda: [event.kind for event in inbox.take(0.0)] == ["odometry"])
     # What was said meanwhile must not be sent now: it would come seconds too late.
-    assert 0.4 not in [m["msg"]["linear"]["x"] for m in bridge.heard if m["op"] == "publish"]
+    sent = [m["msg"] for m in bridge.heard if m["op"] == "publish" and m["topic"] == "/cmd_vel"]
+    assert 0.4 not in [message["linear"]["x"] for message in sent]
 
 
 @pytest.mark.parametrize("url", ["http://127.0.0.1:9090", "127.0.0.1:9090", "ws://"])

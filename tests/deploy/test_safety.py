@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pm01_nav.deploy.messages import Scan
 from pm01_nav.deploy.safety import Reason, SafetyConfig, SafetySupervisor
 from pm01_nav.errors import InputError
 
@@ -120,6 +121,20 @@ def test_a_clock_that_jumps_stops_once(fresh, make_odometry, make_scan, stamp):
     assert fresh.supervise((0.1, 0.0), 10.2).command == (0.1, 0.0)
 
 
+def test_odometry_that_turns_all_at_once_is_a_jump(fresh, make_odometry):
+    # In 0.05 s PM01 can turn 0.075 rad; with twice that and 0.5 rad of slack 1 rad is too much.
+    fresh.see_odometry(make_odometry(10.05, pose=(0.0, 0.0, 1.0)), 10.05)
+    assert Reason.ODOMETRY_JUMP in fresh.supervise((0.1, 0.0), 10.05).reasons
+
+
+def test_a_turn_past_half_a_circle_is_no_jump(supervisor, make_scan, make_odometry):
+    supervisor.see_odometry(make_odometry(10.0, pose=(0.0, 0.0, 3.1)), 10.0)
+    supervisor.see_scan(make_scan(10.0), 10.0)
+    # From 3.1 to -3.1 rad are 0.083 rad.
+    supervisor.see_odometry(make_odometry(10.05, pose=(0.0, 0.0, -3.1)), 10.05)
+    assert supervisor.supervise((0.1, 0.0), 10.05).reasons == ()
+
+
 def test_our_own_clock_going_back_is_a_jump(fresh):
     assert Reason.CLOCK_JUMP in fresh.supervise((0.1, 0.0), 9.9).reasons
 
@@ -135,10 +150,53 @@ def test_emergency_stop_lost_transform_and_no_goal(fresh):
     for age in (1.1, math.inf, math.nan):
         verdict = fresh.supervise((0.1, 0.0), 10.0, transform_age=age)
         assert verdict.reasons == (Reason.LOST_TRANSFORM,)
-    fresh.set_emergency(True)
+    fresh.set_emergency(True, "topic")
     assert fresh.supervise((0.1, 0.0), 10.0).reasons == (Reason.EMERGENCY_STOP,)
-    fresh.set_emergency(False)
+    fresh.set_emergency(False, "topic")
     assert fresh.supervise((0.1, 0.0), 10.0).reasons == ()
+
+
+def test_who_presses_the_emergency_stop_is_who_releases_it(fresh):
+    fresh.set_emergency(True, "service")
+    fresh.set_emergency(False, "topic")
+    assert fresh.supervise((0.1, 0.0), 10.0).reasons == (Reason.EMERGENCY_STOP,)
+    fresh.set_emergency(False, "service")
+    assert fresh.supervise((0.1, 0.0), 10.0).reasons == ()
+
+
+def test_after_silence_a_robot_starts_from_standing(fresh, make_scan, make_odometry):
+    for now in (10.0, 10.1, 10.2):
+        fresh.see_odometry(make_odometry(now + 0.001), now)
+        fresh.see_scan(make_scan(now + 0.001), now)
+        fresh.supervise((0.5, 0.0), now)
+    # Nothing was said for 0.25 s, so a watchdog has stopped it: 0.2 m/s is one step from standing.
+    fresh.see_odometry(make_odometry(10.44), 10.44)
+    fresh.see_scan(make_scan(10.44), 10.44)
+    assert fresh.supervise((0.5, 0.0), 10.45).command == pytest.approx((0.2, 0.0))
+
+
+def test_commands_that_come_too_seldom_are_refused(robot):
+    with pytest.raises(InputError, match=r"control_dt = 0\.2 s"):
+        SafetySupervisor(robot, 0.2, SafetyConfig())
+
+
+def test_the_robot_does_not_drive_where_its_lidar_does_not_look(supervisor, make_odometry):
+    supervisor.see_odometry(make_odometry(10.0), 10.0)
+    # Half a circle ahead, as a lidar in front of a box: backwards nothing is known.
+    half = Scan(10.0, -math.pi / 2, math.pi / 180, 0.1, 3.5, np.full(181, np.inf, np.float32))
+    supervisor.see_scan(half, 10.0)
+    assert supervisor.supervise((0.1, 0.0), 10.0).command == (0.1, 0.0)
+    verdict = supervisor.supervise((-0.1, 0.3), 10.1)
+    assert verdict.command == (0.0, 0.3)
+    assert verdict.reasons == (Reason.UNSEEN,)
+
+
+def test_beams_that_say_nothing_ahead_let_the_robot_back_away_only(fresh, make_scan):
+    # 360 beams, one a degree, 180 ahead. Of the 91 within 45 deg of it 50 are invalid.
+    lost = {f"beam_{k}": math.nan for k in range(155, 205)}
+    fresh.see_scan(make_scan(10.05, **lost), 10.05)
+    assert fresh.supervise((0.1, 0.0), 10.05).reasons == (Reason.UNSEEN,)
+    assert fresh.supervise((-0.1, 0.0), 10.1).command == pytest.approx((-0.1, 0.0))
 
 
 def test_slows_down_near_an_obstacle_and_stands_before_it(fresh, make_scan):

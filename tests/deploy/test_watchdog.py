@@ -33,3 +33,18 @@ def test_after_its_end_it_is_silent():
     watchdog.end()
     time.sleep(0.3)
     assert calls == []
+
+
+def test_a_stop_that_fails_is_tried_again():
+    tries = []
+
+    def stop() -> None:
+        tries.append(1)
+        raise ConnectionError("lost")
+
+    watchdog = Watchdog(stop)
+    watchdog.start()
+    time.sleep(0.5)
+    watchdog.end()
+    # It looks every 0.02 s once 0.15 s are over.
+    assert len(tries) > 1

@@ -3,6 +3,11 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import signal
+import subprocess
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -18,6 +23,7 @@ from pm01_nav.robot import load_robot
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
 
+SRC = Path(__file__).resolve().parents[2] / "src"
 HALL = World("hall", (-10.0, -10.0, 10.0, 10.0), discs=np.array([[8.0, 8.0, 0.3]]))
 Make = Callable[..., GazeboSimulator]
 
@@ -71,3 +77,52 @@ def gazebo() -> Iterator[Make]:
 
     yield make
     IDLE.close()
+
+
+@pytest.fixture(scope="session")
+def running_world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Start the article's world with the robot of ``pm01_description``; return its file."""
+    missing = what_is_missing()
+    if missing is not None or shutil.which("gz") is None:
+        pytest.skip(f"needs Gazebo Harmonic and its command gz: {missing}")
+    world = SRC / "pm01_gazebo" / "worlds" / "article.sdf"
+    urdf = tmp_path_factory.mktemp("robot") / "pm01.urdf"
+    xacro = SRC / "pm01_description" / "urdf" / "pm01.urdf.xacro"
+    text = (
+        pytest.importorskip("xacro")
+        .process_file(str(xacro), mappings={"gazebo": "harmonic"})
+        .toxml()
+    )
+    urdf.write_text(text, encoding="utf-8")
+    os.environ["GZ_PARTITION"] = f"pm01_test_{os.getpid()}"
+    config = SRC / "pm01_gazebo" / "config" / "server.config"
+    server = subprocess.Popen(
+        ["gz", "sim", "-s", "-r", "--headless-rendering", str(world)],
+        env=os.environ | {"GZ_SIM_SERVER_CONFIG_PATH": str(config)},
+        start_new_session=True,
+    )
+    try:
+        _spawn(urdf)
+        yield world
+    finally:
+        os.killpg(server.pid, signal.SIGKILL)
+        server.wait()
+        del os.environ["GZ_PARTITION"]
+
+
+def _spawn(urdf: Path) -> None:
+    """Put the robot into the world that starts."""
+    from gz.msgs10.boolean_pb2 import Boolean
+    from gz.msgs10.entity_factory_pb2 import EntityFactory
+    from gz.transport13 import Node
+
+    node, service, end = Node(), "/world/article/create", time.monotonic() + 60.0
+    while service not in node.service_list() and time.monotonic() < end:
+        time.sleep(0.1)
+    request = EntityFactory(sdf_filename=str(urdf), name="pm01")
+    request.pose.position.z = 0.001
+    done, answer = node.request(service, request, EntityFactory, Boolean, 5000)
+    assert done
+    assert answer.data
+    while "/scan" not in node.topic_list() and time.monotonic() < end:
+        time.sleep(0.1)

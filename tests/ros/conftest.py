@@ -6,9 +6,11 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import time
 from pathlib import Path
 
 import pytest
+import torch
 
 from pm01_nav.policy.export import export_policy, policy_metadata
 from pm01_nav.task.config import observation_layout
@@ -58,12 +60,65 @@ def start(rclpy):
 
 @pytest.fixture(scope="session")
 def policy_file(tmp_path_factory):
-    """Return an untrained policy, which goes ahead at about 0.15 m/s whatever it sees."""
+    """Return a policy that goes ahead and turns to the goal, whatever stands in the way."""
     config = task_config("static")
     robot = config.robot_spec()
     layout = observation_layout(config, robot)
-    path = tmp_path_factory.mktemp("policy") / "policy.onnx"
-    policy = make_policy(PPOConfig(net_arch=(16, 16)), layout)
+    policy = make_policy(PPOConfig(net_arch=(16, 16), activation="relu"), layout)
+    set_weights(policy, sin_of_bearing=index_of(layout, "goal_sin_cos"))
     metadata = policy_metadata(layout, robot, config.control_dt, {})
+    path = tmp_path_factory.mktemp("policy") / "policy.onnx"
     export_policy(policy, layout, metadata, path)
     return path
+
+
+def index_of(layout, name: str) -> int:
+    """Return where a part of the observation begins."""
+    names = [part.name for part in layout.parts]
+    return sum(part.size for part in layout.parts[: names.index(name)])
+
+
+def set_weights(policy, sin_of_bearing: int) -> None:
+    """Let v be 0.29 m/s, which is +0.4 of -0.2 to 0.5, and w 2 x 1.5 rad/s x the sine, limited."""
+    first, _, second, _ = policy.mlp_extractor.policy_net
+    with torch.no_grad():
+        for layer in (first, second, policy.action_net):
+            layer.weight.zero_()
+            layer.bias.zero_()
+        # What is positive and what is negative of it pass the rectifiers apart.
+        first.weight[0, sin_of_bearing], first.weight[1, sin_of_bearing] = 1.0, -1.0
+        second.weight[0, 0] = second.weight[1, 1] = 1.0
+        policy.action_net.weight[1, 0], policy.action_net.weight[1, 1] = 2.0, -2.0
+        policy.action_net.bias[0] = 0.4
+
+
+@pytest.fixture
+def watcher(rclpy):
+    """Return a node that notes commands, sends goals and can wait."""
+    from geometry_msgs.msg import PoseStamped, Twist
+
+    node = rclpy.create_node("watcher")
+    node.commands = []
+    node.create_subscription(
+        Twist, "/cmd_vel", lambda m: node.commands.append((time.monotonic(), m)), 10
+    )
+
+    def wait_for(condition, seconds=60.0):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            rclpy.spin_once(node, timeout_sec=0.02)
+            if condition():
+                return True
+        return False
+
+    def send_goal(frame="odom", x=40.0, y=40.0):
+        publisher = node.create_publisher(PoseStamped, "/goal_pose", 1)
+        assert wait_for(lambda: publisher.get_subscription_count() > 0)
+        pose = PoseStamped()
+        pose.header.frame_id = frame
+        pose.pose.position.x, pose.pose.position.y = x, y
+        publisher.publish(pose)
+
+    node.wait_for, node.send_goal = wait_for, send_goal
+    yield node
+    node.destroy_node()

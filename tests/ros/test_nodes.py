@@ -7,36 +7,12 @@ import os
 import signal
 import time
 
-import pytest
-
-
-@pytest.fixture
-def watcher(rclpy):
-    """A node that notes commands and can wait."""
-    from geometry_msgs.msg import Twist
-
-    node = rclpy.create_node("watcher")
-    node.commands = []
-    node.create_subscription(
-        Twist, "/cmd_vel", lambda m: node.commands.append((time.monotonic(), m)), 10
-    )
-
-    def wait_for(condition, seconds=60.0):
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            rclpy.spin_once(node, timeout_sec=0.02)
-            if condition():
-                return True
-        return False
-
-    node.wait_for = wait_for
-    yield node
-    node.destroy_node()
-
 
 def call(node, kind, name, request):
     client = node.create_client(kind, name)
     assert node.wait_for(client.service_is_ready)
+    # The service is seen before it sees us, and an answer to nobody is lost.
+    node.wait_for(lambda: False, 0.5)
     future = client.call_async(request)
     assert node.wait_for(future.done)
     return future.result()
@@ -53,17 +29,6 @@ def moves(node) -> bool:
     return bool(node.commands) and abs(node.commands[-1][1].linear.x) > 0.05
 
 
-def send_goal(rclpy, node, frame="odom", x=40.0, y=40.0):
-    from geometry_msgs.msg import PoseStamped
-
-    publisher = node.create_publisher(PoseStamped, "/goal_pose", 1)
-    assert node.wait_for(lambda: publisher.get_subscription_count() > 0)
-    pose = PoseStamped()
-    pose.header.frame_id = frame
-    pose.pose.position.x, pose.pose.position.y = x, y
-    publisher.publish(pose)
-
-
 def test_a_policy_that_does_not_fit_the_robot_is_not_activated(start, watcher, policy_file):
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState
@@ -76,23 +41,21 @@ def test_a_policy_that_does_not_fit_the_robot_is_not_activated(start, watcher, p
     assert state_of(watcher) == "unconfigured"
 
 
-def test_drives_stops_for_the_emergency_stop_and_for_a_dead_sensor(
-    start, watcher, policy_file, rclpy
-):
+def test_drives_stops_for_the_emergency_stop_and_for_a_dead_sensor(start, watcher, policy_file):
     from std_srvs.srv import SetBool
 
     sim = start("sim_node", world="empty")
     start("policy_node", policy=policy_file, autostart="true", publish_markers="true")
     assert watcher.wait_for(lambda: bool(watcher.commands))
     assert not moves(watcher)
-    send_goal(rclpy, watcher)
+    watcher.send_goal()
     assert watcher.wait_for(lambda: moves(watcher))
     name = "/policy_node/emergency_stop"
     assert call(watcher, SetBool, name, SetBool.Request(data=True)).success
     assert watcher.wait_for(lambda: not moves(watcher), 2.0)
     call(watcher, SetBool, name, SetBool.Request(data=False))
     assert not watcher.wait_for(lambda: moves(watcher), 1.0)
-    send_goal(rclpy, watcher)
+    watcher.send_goal()
     assert watcher.wait_for(lambda: moves(watcher))
     os.killpg(sim.pid, signal.SIGKILL)
     killed = time.monotonic()
@@ -151,3 +114,176 @@ def test_an_action_is_preempted_and_canceled(start, watcher, policy_file, rclpy)
     result = second.get_result_async()
     assert watcher.wait_for(result.done)
     assert result.result().status == GoalStatus.STATUS_CANCELED
+
+
+def change_state(node, transition: str) -> bool:
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState
+
+    number = getattr(Transition, f"TRANSITION_{transition.upper()}")
+    request = ChangeState.Request(transition=Transition(id=number))
+    return call(node, ChangeState, "/policy_node/change_state", request).success
+
+
+def test_whatever_ends_the_active_state_stops_the_robot(start, watcher, policy_file):
+    start("sim_node", world="empty")
+    start("policy_node", policy=policy_file, autostart="true")
+    for transition in ("deactivate", "active_shutdown"):
+        if state_of(watcher) == "inactive":
+            assert change_state(watcher, "activate")
+        watcher.send_goal()
+        assert watcher.wait_for(lambda: moves(watcher))
+        assert change_state(watcher, transition)
+        assert watcher.wait_for(lambda: not moves(watcher), 2.0)
+        # And it is not told anything else afterwards.
+        assert not watcher.wait_for(lambda: moves(watcher), 1.0)
+
+
+def test_the_emergency_stop_holds_whoever_repeats_that_it_is_released(start, watcher, policy_file):
+    from std_msgs.msg import Bool
+    from std_srvs.srv import SetBool
+
+    start("sim_node", world="empty")
+    start("policy_node", policy=policy_file, autostart="true")
+    button = watcher.create_publisher(Bool, "/emergency_stop", 1)
+    assert watcher.wait_for(lambda: button.get_subscription_count() > 0)
+    watcher.send_goal()
+    assert watcher.wait_for(lambda: moves(watcher))
+    # A button that says ten times a second that nobody presses it does not end the goal...
+    watcher.create_timer(0.1, lambda: button.publish(Bool(data=False)))
+    assert not watcher.wait_for(lambda: not moves(watcher), 1.5)
+    # ... and does not release what the service presses, nor does a change of state.
+    name = "/policy_node/emergency_stop"
+    assert call(watcher, SetBool, name, SetBool.Request(data=True)).success
+    assert watcher.wait_for(lambda: not moves(watcher), 2.0)
+    for transition in ("deactivate", "cleanup", "configure", "activate"):
+        assert change_state(watcher, transition)
+    watcher.send_goal()
+    assert not watcher.wait_for(lambda: moves(watcher), 1.5)
+    assert call(watcher, SetBool, name, SetBool.Request(data=False)).success
+    watcher.send_goal()
+    assert watcher.wait_for(lambda: moves(watcher))
+
+
+def test_an_emergency_stop_that_was_latched_before_the_start_is_heard(start, watcher, policy_file):
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from std_msgs.msg import Bool
+
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    watcher.create_publisher(Bool, "/emergency_stop", latched).publish(Bool(data=True))
+    start("sim_node", world="empty")
+    start("policy_node", policy=policy_file, autostart="true")
+    assert watcher.wait_for(lambda: bool(watcher.commands))
+    watcher.send_goal()
+    assert not watcher.wait_for(lambda: moves(watcher), 1.5)
+
+
+def test_a_change_that_would_have_no_effect_is_refused(start, watcher, policy_file):
+    from rcl_interfaces.msg import Parameter, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+
+    start("policy_node", policy=policy_file)
+
+    def set_padding() -> bool:
+        value = ParameterValue(type=3, double_value=0.3)
+        request = SetParameters.Request(parameters=[Parameter(name="safety.padding", value=value)])
+        answer = call(watcher, SetParameters, "/policy_node/set_parameters", request)
+        return answer.results[0].successful
+
+    assert set_padding()
+    assert change_state(watcher, "configure")
+    assert not set_padding()
+
+
+def test_no_action_is_accepted_that_cannot_be_driven(start, watcher, policy_file):
+    from nav2_msgs.action import NavigateToPose
+    from rclpy.action import ActionClient
+
+    start("sim_node", world="empty")
+    start("policy_node", policy=policy_file, autostart="true")
+    client = ActionClient(watcher, NavigateToPose, "/navigate_to_pose")
+    assert watcher.wait_for(client.server_is_ready)
+
+    def accepted(x: float) -> bool:
+        goal = NavigateToPose.Goal()
+        goal.pose.header.frame_id = "odom"
+        goal.pose.pose.position.x = x
+        future = client.send_goal_async(goal)
+        assert watcher.wait_for(future.done)
+        return future.result().accepted
+
+    assert watcher.wait_for(lambda: state_of(watcher) == "active")
+    assert not accepted(float("nan"))
+    assert accepted(40.0)
+    assert change_state(watcher, "deactivate")
+    assert not accepted(40.0)
+
+
+def test_a_stamped_command_passes_the_watchdog(start, watcher):
+    from geometry_msgs.msg import TwistStamped
+
+    start("watchdog_node", cmd_vel_stamped="true")
+    heard = []
+    watcher.destroy_subscription(next(iter(watcher.subscriptions)))
+    watcher.create_subscription(TwistStamped, "/cmd_vel", heard.append, 10)
+    publisher = watcher.create_publisher(TwistStamped, "/cmd_vel_in", 1)
+    assert watcher.wait_for(lambda: publisher.get_subscription_count() > 0)
+    command = TwistStamped()
+    command.twist.linear.x = 0.5
+
+    def told() -> bool:
+        publisher.publish(command)
+        return bool(heard) and heard[-1].twist.linear.x == 0.5
+
+    assert watcher.wait_for(told)
+    assert watcher.wait_for(lambda: heard[-1].twist.linear.x == 0.0, 5.0)
+
+
+def test_a_transform_that_is_published_no_longer_stops_the_robot(start, watcher, policy_file):
+    from geometry_msgs.msg import TransformStamped
+    from tf2_msgs.msg import TFMessage
+
+    start("sim_node", world="empty")
+    start("policy_node", policy=policy_file, autostart="true")
+    publisher = watcher.create_publisher(TFMessage, "/tf", 10)
+    last = []
+
+    def publish() -> None:
+        # Dated 2 s ahead, as localisation does so that nobody has to wait for it.
+        stamp = time.time() + 2.0
+        transform = TransformStamped(child_frame_id="elsewhere")
+        transform.header.frame_id = "odom"
+        transform.header.stamp.sec = int(stamp)
+        transform.header.stamp.nanosec = int(1e9 * (stamp % 1.0))
+        publisher.publish(TFMessage(transforms=[transform]))
+        last.append(time.monotonic())
+
+    timer = watcher.create_timer(0.05, publish)
+    watcher.send_goal(frame="elsewhere")
+    assert watcher.wait_for(lambda: moves(watcher))
+    assert not watcher.wait_for(lambda: not moves(watcher), 1.5)
+    timer.cancel()
+    assert watcher.wait_for(lambda: not moves(watcher), 5.0)
+    # It may be 1 s old from its arrival on, whatever its date; a step is 0.1 s.
+    assert watcher.commands[-1][0] - last[-1] < 2.0
+    # It goes on when the transform comes again.
+    timer.reset()
+    assert watcher.wait_for(lambda: moves(watcher))
+
+
+def test_rviz_is_shown_what_the_policy_sees(start, watcher, policy_file):
+    from visualization_msgs.msg import MarkerArray
+
+    shown = []
+    watcher.create_subscription(MarkerArray, "/policy_node/markers", shown.append, 1)
+    start("policy_node", policy=policy_file, autostart="true")
+    # Without a scan there are no beams to draw.
+    assert watcher.wait_for(lambda: bool(shown))
+    assert list(shown[-1].markers[0].points) == []
+    start("sim_node", world="static")
+    watcher.send_goal()
+    assert watcher.wait_for(lambda: len(shown[-1].markers[0].points) > 0)
+    beams, goal, state = shown[-1].markers
+    # Each of PM01's 36 sectors of 10 beams is a line from the lidar to the nearest return.
+    assert len(beams.points) == 2 * 36
+    assert (goal.ns, state.ns) == ("goal", "state")

@@ -8,65 +8,61 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+ARGUMENTS = {
+    "policy": (None, "The policy's file, policy.onnx."),
+    "robot": ("", "A robot's name or YAML; empty: the policy's own, and pm01 for a simulated one."),
+    "use_sim_time": ("false", "Time comes from /clock."),
+    "cmd_vel_stamped": ("false", "Commands are TwistStamped, not Twist."),
+    "autostart": ("true", "Configure and activate the policy node at once."),
+    "simulate": ("false", "Start a simulated robot, too."),
+    "world": ("static", "Where the simulated robot is: a suite, or a world's file."),
+    "seed": ("0", "Chooses the simulated robot's world, start and goal."),
+    "real_time_factor": ("1.0", "How fast the simulated robot's time runs."),
+}
+TYPES = {
+    "use_sim_time": bool,
+    "cmd_vel_stamped": bool,
+    "autostart": bool,
+    "seed": int,
+    "real_time_factor": float,
+}
+
+
+def node(executable: str, arguments: list[str], **options: object) -> Node:
+    """Return one of our nodes, with launch arguments as its parameters of the same names."""
+    parameters = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=TYPES.get(name, str))
+        for name in arguments
+    }
+    return Node(
+        package="pm01_rl",
+        executable=executable,
+        name=executable,
+        output="screen",
+        parameters=[parameters],
+        **options,
+    )
+
 
 def generate_launch_description() -> LaunchDescription:
-    """Start the policy node, and a simulated robot if there is no other."""
-    simulate = LaunchConfiguration("simulate")
-    use_sim_time = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
-    stamped = ParameterValue(LaunchConfiguration("cmd_vel_stamped"), value_type=bool)
-    policy = ParameterValue(LaunchConfiguration("policy"), value_type=str)
-    robot = ParameterValue(LaunchConfiguration("robot"), value_type=str)
+    """Start the policy node, a watchdog between it and the base, and a simulated robot if asked."""
+    base = ["use_sim_time", "cmd_vel_stamped"]
     return LaunchDescription(
         [
-            DeclareLaunchArgument("policy", description="The policy's file, policy.onnx."),
-            DeclareLaunchArgument(
-                "robot", default_value="", description="A robot's name or YAML; the policy's own."
+            *(
+                DeclareLaunchArgument(name, default_value=default, description=text)
+                for name, (default, text) in ARGUMENTS.items()
             ),
-            DeclareLaunchArgument(
-                "use_sim_time", default_value="false", description="Time comes from /clock."
+            node(
+                "policy_node",
+                ["policy", "robot", "autostart", *base],
+                remappings=[("cmd_vel", "cmd_vel_in")],
             ),
-            DeclareLaunchArgument(
-                "cmd_vel_stamped", default_value="false", description="TwistStamped, not Twist."
-            ),
-            DeclareLaunchArgument(
-                "simulate", default_value="false", description="Start a simulated robot, too."
-            ),
-            DeclareLaunchArgument(
-                "world", default_value="static", description="Where: a suite, or a world's file."
-            ),
-            DeclareLaunchArgument(
-                "real_time_factor", default_value="1.0", description="Of the simulated robot."
-            ),
-            Node(
-                package="pm01_rl",
-                executable="policy_node",
-                name="policy_node",
-                output="screen",
-                parameters=[
-                    {
-                        "policy": policy,
-                        "robot": robot,
-                        "use_sim_time": use_sim_time,
-                        "cmd_vel_stamped": stamped,
-                        "autostart": True,
-                    }
-                ],
-            ),
-            Node(
-                package="pm01_rl",
-                executable="sim_node",
-                name="sim_node",
-                output="screen",
-                condition=IfCondition(simulate),
-                parameters=[
-                    {
-                        "world": ParameterValue(LaunchConfiguration("world"), value_type=str),
-                        "cmd_vel_stamped": stamped,
-                        "real_time_factor": ParameterValue(
-                            LaunchConfiguration("real_time_factor"), value_type=float
-                        ),
-                    }
-                ],
+            node("watchdog_node", base),
+            node(
+                "sim_node",
+                ["robot", "cmd_vel_stamped", "world", "seed", "real_time_factor"],
+                condition=IfCondition(LaunchConfiguration("simulate")),
             ),
         ]
     )

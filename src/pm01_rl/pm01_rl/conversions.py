@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ours as ROS messages; the other way is ``pm01_nav.deploy.ros_messages``."""
+"""Ours as ROS messages; the other way is ``pm01_nav.deploy.messages``."""
 
 from __future__ import annotations
 
 import math
+from array import array
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -32,8 +33,12 @@ def twist_message(command: tuple[float, float]) -> Twist:
     return twist
 
 
-def stamped_twist(command: tuple[float, float], stamp: Time, frame: str) -> TwistStamped:
-    """Return v and w [m/s, rad/s] with the time and the frame they are for."""
+def command_message(
+    kind: type[Twist] | type[TwistStamped], command: tuple[float, float], stamp: Time, frame: str
+) -> Twist | TwistStamped:
+    """Return v and w [m/s, rad/s]; a ``TwistStamped`` with the time and the frame they are for."""
+    if kind is Twist:
+        return twist_message(command)
     message = TwistStamped(twist=twist_message(command))
     message.header.stamp, message.header.frame_id = stamp, frame
     return message
@@ -48,7 +53,8 @@ def scan_message(scan: Scan, frame: str, period: float) -> LaserScan:
         scan_time=period,
         range_min=scan.range_min,
         range_max=scan.range_max,
-        ranges=np.asarray(scan.ranges, dtype=np.float32).tolist(),
+        # An array of the message's own type is taken as it is; a list is checked item by item.
+        ranges=array("f", np.asarray(scan.ranges, dtype=np.float32).tobytes()),
     )
     message.header.stamp, message.header.frame_id = time_message(scan.stamp), frame
     return message

@@ -19,21 +19,18 @@ WHITE = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
 def markers(
     stamp: Time,
     frames: tuple[str, str],
-    origin: np.ndarray,
-    ends: np.ndarray,
+    lines: np.ndarray,
     goal: Goal | None,
     text: str,
 ) -> MarkerArray:
-    """Return the beams (from ``origin`` (2,) to ``ends`` (n, 2)), the goal and a line of text.
+    """Return the beams as ``lines`` (n, 2, 2), the goal and a line of text.
 
-    ``frames`` are those of odometry and of the robot.
+    ``frames`` are those of odometry and of the robot, in which the beams are.
     """
     odometry_frame, base_frame = frames
     beams = _marker(stamp, base_frame, "beams", Marker.LINE_LIST, BLUE)
     beams.scale.x = 0.01
-    start = Point(x=float(origin[0]), y=float(origin[1]))
-    for x, y in ends:
-        beams.points += [start, Point(x=float(x), y=float(y))]
+    beams.points = [Point(x=x, y=y) for x, y in lines.reshape(-1, 2).tolist()]
     state = _marker(stamp, base_frame, "state", Marker.TEXT_VIEW_FACING, WHITE)
     state.scale.z, state.pose.position.z, state.text = 0.15, 0.5, text
     target = _marker(stamp, odometry_frame, "goal", Marker.CYLINDER, GREEN)

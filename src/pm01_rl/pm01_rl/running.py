@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Begin and end a node's process so that it can still say stop when it is told to end."""
+"""What the nodes share: how a process begins and ends, so that it can still say stop, and QoS."""
 
 from __future__ import annotations
 
@@ -9,7 +9,18 @@ from contextlib import contextmanager
 from typing import Any
 
 import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
+
+try:
+    from rclpy.event_handler import SubscriptionEventCallbacks
+except ImportError:  # Humble
+    from rclpy.qos_event import SubscriptionEventCallbacks
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""What was said last is said to whoever comes later."""
+NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""Without the warning that a publisher's promises do not match."""
 
 
 @contextmanager

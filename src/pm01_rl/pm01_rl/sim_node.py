@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry as OdometryMessage
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import UInt32
@@ -28,9 +28,7 @@ from pm01_rl.conversions import (
     transform_message,
 )
 from pm01_rl.parameters import described, positive
-from pm01_rl.running import ros
-
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+from pm01_rl.running import LATCHED, ros
 
 
 class SimNode(Node):
@@ -51,17 +49,15 @@ class SimNode(Node):
         self._fixed_out = self.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._goal_out = self.create_publisher(PoseStamped, "~/goal", LATCHED)
         self._collisions_out = self.create_publisher(UInt32, "~/collisions", LATCHED)
-        if self._value("cmd_vel_stamped"):
-            self.create_subscription(TwistStamped, "cmd_vel", self._on_stamped, 1)
-        else:
-            self.create_subscription(Twist, "cmd_vel", self._on_twist, 1)
+        kind = TwistStamped if self._value("cmd_vel_stamped") else Twist
+        self.create_subscription(kind, "cmd_vel", self._on_command, 1)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._announce()
 
     def _declare(self) -> None:
         declare = self.declare_parameter
         declare("world", "static", described("A suite's name, or a world's file."))
-        declare("robot", "pm01", described("A robot's name, or its YAML."))
+        declare("robot", "", described("A robot's name, or its YAML; empty: pm01."))
         declare("seed", 0, ParameterDescriptor(description="Chooses world, start and goal."))
         declare("step", 0.02, positive("Simulated time of a step [s]: odometry's period.", 1.0))
         declare("scan_period", 0.1, positive("Simulated time between two scans [s].", 10.0))
@@ -79,7 +75,7 @@ class SimNode(Node):
     def _make_robot(self) -> SimulatedRobot:
         return simulated_robot(
             self._value("world"),
-            self._value("robot"),
+            self._value("robot") or "pm01",
             seed=self._value("seed"),
             dt=self._value("step"),
             scan_period=self._value("scan_period"),
@@ -100,11 +96,9 @@ class SimNode(Node):
         self._goal_out.publish(goal)
         self._collisions_out.publish(UInt32(data=self.robot.collisions))
 
-    def _on_twist(self, twist: Twist) -> None:
+    def _on_command(self, message: Twist | TwistStamped) -> None:
+        twist = message.twist if isinstance(message, TwistStamped) else message
         self.robot.command(twist.linear.x, twist.angular.z)
-
-    def _on_stamped(self, message: TwistStamped) -> None:
-        self._on_twist(message.twist)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.robot.reset()

@@ -7,16 +7,20 @@ nobody is left in it to say stop.
 
 from __future__ import annotations
 
-import time
+import math
 
 import rclpy
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from pm01_rl.parameters import positive
+from pm01_nav.deploy.safety import STOP, WATCHDOG_S
+from pm01_rl.conversions import command_message
+from pm01_rl.parameters import described, positive
 from pm01_rl.running import ros
+
+NEWEST = QoSProfile(depth=1)
 
 
 class WatchdogNode(Node):
@@ -25,23 +29,43 @@ class WatchdogNode(Node):
     def __init__(self) -> None:
         """Begin to listen."""
         super().__init__("watchdog_node")
-        self.declare_parameter("timeout", 0.15, positive("Silence after which it stops [s].", 5.0))
-        self._heard = -1e9
-        self._out = self.create_publisher(Twist, "cmd_vel", QoSProfile(depth=1))
-        self.create_subscription(Twist, "cmd_vel_in", self._on_command, QoSProfile(depth=1))
+        declare, fixed = self.declare_parameter, {"read_only": True}
+        declare("timeout", WATCHDOG_S, positive("Silence after which it stops [s].", 5.0))
+        declare("cmd_vel_stamped", False, described("TwistStamped, not Twist.", **fixed))
+        declare("base_frame", "base_link", described("The robot's frame.", **fixed))
+        self._kind = TwistStamped if self.get_parameter("cmd_vel_stamped").value else Twist
+        # In simulated time it is the robot's seconds that count, however fast they go.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(0.02, self._look, clock=steady)
+        self._clock = self.get_clock() if self.get_parameter("use_sim_time").value else steady
+        self._heard = -math.inf
+        self._out = self.create_publisher(self._kind, "cmd_vel", NEWEST)
+        self.create_subscription(self._kind, "cmd_vel_in", self._on_command, NEWEST)
+        self.create_timer(0.02, self._look, clock=self._clock)
 
-    def _on_command(self, command: Twist) -> None:
-        self._heard = time.monotonic()
+    def _now(self) -> float:
+        return self._clock.now().nanoseconds * 1e-9
+
+    def _on_command(self, command: Twist | TwistStamped) -> None:
+        self._heard = self._now()
         self._out.publish(command)
 
     def _look(self) -> None:
-        if time.monotonic() - self._heard > self.get_parameter("timeout").value:
-            self._out.publish(Twist())
+        silence = self._now() - self._heard
+        # Less than none is a clock that went back.
+        if not 0.0 <= silence <= self.get_parameter("timeout").value:
+            self.stop()
+
+    def stop(self) -> None:
+        """Say stop."""
+        stamp, frame = self.get_clock().now().to_msg(), str(self.get_parameter("base_frame").value)
+        self._out.publish(command_message(self._kind, STOP, stamp, frame))
 
 
 def main() -> None:
-    """Run the node until it is told to end."""
+    """Run the node until it is told to end; the robot then stands."""
     with ros():
-        rclpy.spin(WatchdogNode())
+        node = WatchdogNode()
+        try:
+            rclpy.spin(node)
+        finally:
+            node.stop()

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings for training in Gazebo, and training itself with servers that play its part."""
+
+from __future__ import annotations
+
+import pytest
+
+from pm01_nav.backends import MOST_ROBOTS
+from pm01_nav.cli.train import run_config
+from pm01_nav.task.tasks import task_config
+
+GAZEBO = task_config("static").model_copy(update={"backend": "gazebo"})
+
+
+def test_a_robot_a_core_and_looks_that_take_minutes() -> None:
+    config = run_config(GAZEBO, {"steps": 1000}, "test")
+    assert config.train.ppo.n_envs == MOST_ROBOTS["gazebo"]
+    assert config.train.eval_episodes == 20
+    planar = run_config(task_config("static"), {"steps": 1000}, "test")
+    assert planar.train.ppo.n_envs == 512
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_what_is_given_goes_over_it(algo: str) -> None:
+    config = run_config(GAZEBO, {"steps": 1000, "algo": algo, algo: {"n_envs": 4}}, "test")
+    assert config.train.hyperparameters.n_envs == 4
