@@ -15,7 +15,6 @@ import argparse
 import statistics
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -95,9 +94,7 @@ def asleep() -> float:
 def memory_mb(simulator: GazeboSimulator) -> float:
     """Return what the server's process holds in memory [MB]."""
     engine: Any = simulator._engine
-    process = engine._robots[0]._worker.process_id
-    pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
-    return pages * 4096 / 1e6
+    return engine._robots[0]._worker.memory_mb
 
 
 def reset_often(simulator: GazeboSimulator, resets: int) -> dict[str, Any]:

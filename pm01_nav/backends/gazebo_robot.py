@@ -22,6 +22,9 @@ FloatArray = NDArray[np.float64]
 MOST_RESTARTS = 1
 """Of a robot's server after its process died; then something is wrong with the machine."""
 
+MOST_MEMORY_MB = 1500.0
+"""Of a server that is kept: Gazebo does not give back all that removed obstacles took."""
+
 Kind = tuple[int, str, Setup, Opener, Cores]
 
 
@@ -45,8 +48,8 @@ class IdleServers:
     def give_back(
         self, worker: GazeboWorker, sdf: str, setup: Setup, opener: Opener, cores: Cores
     ) -> None:
-        """Keep a server for the next robot, if it still answers."""
-        if worker.idle:
+        """Keep a server for the next robot, if it still answers and did not grow too much."""
+        if worker.idle and worker.memory_mb < MOST_MEMORY_MB:
             self._workers[os.getpid(), sdf, setup, opener, cores].append(worker)
         else:
             worker.close()

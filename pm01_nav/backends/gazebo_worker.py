@@ -79,6 +79,15 @@ class GazeboWorker:
         return self._process.pid
 
     @property
+    def memory_mb(self) -> float:
+        """Return what the server's process holds in memory [MB]; 0 where that cannot be known."""
+        try:
+            pages = Path(f"/proc/{self._process.pid}/statm").read_text(encoding="ascii").split()[1]
+        except OSError:
+            return 0.0
+        return int(pages) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    @property
     def idle(self) -> bool:
         """Tell whether the server lives and owes no answer."""
         return self._process.poll() is None and not self._waiting

@@ -92,6 +92,16 @@ def test_servers_are_kept_for_the_next_robots(played) -> None:
     assert worker_of(played("steady")).process_id == process
 
 
+def test_a_server_that_grew_is_not_kept(played, monkeypatch: pytest.MonkeyPatch) -> None:
+    simulator = played("steady")
+    process = worker_of(simulator).process_id
+    # Python and numpy alone take more than a megabyte.
+    assert worker_of(simulator).memory_mb > 1.0
+    monkeypatch.setattr("pm01_nav.backends.gazebo_robot.MOST_MEMORY_MB", 1.0)
+    del simulator
+    assert worker_of(played("steady")).process_id != process
+
+
 def test_robots_that_go_give_their_servers_back(played) -> None:
     simulator = played("steady", num_envs=2)
     first, second = (worker_of(simulator, i).process_id for i in (0, 1))
