@@ -169,7 +169,7 @@ def serve(connection: Connection) -> None:
         while True:
             name, arguments = connection.recv()
             connection.send(getattr(server, name)(*arguments))
-    except EOFError:
+    except (EOFError, ConnectionError):
         return
     except (InputError, SilentError) as error:
         connection.send(InputError(str(error)))
