@@ -35,8 +35,11 @@ class BareServer:
         """Return real seconds of so many control steps."""
         inner, setup = self._inner, self._setup
         iterations = setup.ticks * setup.iterations
+        # The robot drives as it does in what this is compared with.
+        commands = np.random.default_rng(0).uniform([-0.2, -1.5], [0.5, 1.5], (loops, 2))
         began = time.perf_counter()
-        for _ in range(loops):
+        for command in commands:
+            inner._publish(command)
             inner._left = 0
             inner._server.run(True, iterations, False)
             inner._time_ns += round(setup.control_dt * 1e9)
