@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from typing import Any
 
@@ -61,7 +60,7 @@ def command(
 
     from pm01_nav.cli.display import tuning_table
     from pm01_nav.errors import InputError
-    from pm01_nav.train.executors import make_executor
+    from pm01_nav.train.executors import make_executor, run_pm01
     from pm01_nav.train.tuning import Tuning, default_space, load_space
 
     if ray_address and not storage:
@@ -74,7 +73,7 @@ def command(
         tuning.work(trials)
     else:
         executor = make_executor(jobs, ray_address)
-        for done in executor.run(work_in_a_process, [_worker_arguments()] * jobs):
+        for done in executor.run(run_pm01, [_worker_arguments()] * jobs):
             if done.error:
                 click.echo(f"worker {done.index}: {done.error}", err=True)
     Console().print(tuning_table(tuning.write_report()))
@@ -90,18 +89,3 @@ def _worker_arguments() -> list[str]:
         elif not argument.startswith(("--jobs=", "--ray=")):
             kept.append(argument)
     return kept
-
-
-def work_in_a_process(arguments: list[str]) -> None:
-    """Run `pm01` with these arguments.
-
-    Raises:
-        RuntimeError: it failed; the text is its last words.
-    """
-    code = "from pm01_nav.cli import main; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
-    )
-    if done.returncode:
-        words = " ".join((done.stderr or done.stdout).split())[-300:]
-        raise RuntimeError(f"ended with {done.returncode}: {words}")

@@ -8,7 +8,9 @@ through these alone, so that it does not matter where it runs.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from importlib import import_module
@@ -32,6 +34,21 @@ class Done:
 
 
 Piece = Callable[[Any], Any]
+
+
+def run_pm01(arguments: Sequence[str], environment: Mapping[str, str] | None = None) -> str:
+    """Run `pm01` with these arguments in a process of its own; return what it prints.
+
+    Raises:
+        RuntimeError: it failed; the text is its last words.
+    """
+    code = "from pm01_nav.cli import main; main()"
+    command = [sys.executable, "-c", code, *arguments]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        words = " ".join((done.stderr or done.stdout).split())[-300:]
+        raise RuntimeError(f"pm01 {arguments[0]} ended with {done.returncode}: {words}")
+    return done.stdout
 
 
 class Executor(Protocol):

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +18,7 @@ from pm01_nav.documents import load_json
 from pm01_nav.errors import InputError
 from pm01_nav.provenance import provenance
 from pm01_nav.train.config import RunConfig
-from pm01_nav.train.executors import Executor
+from pm01_nav.train.executors import Executor, run_pm01
 from pm01_nav.train.statistics import curves_at, iqm_with_interval, time_to
 
 KEPT = ("config.yaml", "history.json", "run.json", "policy.onnx")
@@ -30,7 +28,6 @@ EVALUATIONS = "evaluations.json"
 LEVELS = (0.95, 0.99)
 POINTS = 200
 """Points of the learning curves in the report."""
-PM01 = (sys.executable, "-c", "from pm01_nav.cli import main; main()")
 
 
 @dataclass(frozen=True)
@@ -63,25 +60,15 @@ def run_seed(job: SeedJob) -> dict[str, bytes]:
         given = ("--config", str(folder / "given.yaml"), "--seed", str(job.seed))
         threads = ("--set", f"train.threads={job.threads}") if job.threads else ()
         out = folder / f"seed_{job.seed}"
-        _command(("train", *given, *threads, "--out", str(out)), environment)
+        run_pm01(("train", *given, *threads, "--out", str(out)), environment)
         files = {file: (out / file).read_bytes() for file in KEPT}
         measured = {}
         for suite in job.suites or (None,):
             chosen = ("--task", suite) if suite else ()
             many = ("--episodes", str(job.episodes), "--seed", str(job.eval_seed), "--json", "-")
-            text = _command(("evaluate", str(out), *chosen, *many), environment)
+            text = run_pm01(("evaluate", str(out), *chosen, *many), environment)
             measured[suite or "training task"] = json.loads(text)
     return files | {EVALUATIONS: json.dumps(measured, indent=2).encode()}
-
-
-def _command(arguments: Sequence[str], environment: dict[str, str]) -> str:
-    done = subprocess.run(
-        [*PM01, *arguments], env=environment, capture_output=True, text=True, check=False
-    )
-    if done.returncode:
-        words = " ".join((done.stderr or done.stdout).split())[-300:]
-        raise RuntimeError(f"pm01 {arguments[0]} ended with {done.returncode}: {words}")
-    return done.stdout
 
 
 class Sweep:
