@@ -6,6 +6,8 @@ python benchmarks/backend_transfer.py --trained planar=runs/static \
     --out benchmarks/results/backend_transfer.json
 python benchmarks/backend_transfer.py --trained planar=runs/static --suites static \
     --measured planar=100 gazebo=100 --out benchmarks/results/gazebo_transfer.json
+python benchmarks/backend_transfer.py --trained barn=runs/barn --suites barn --worlds BARN20 \
+    --measured planar=100 gazebo/ground_truth=100 gazebo/odometry=20 --out FILE.json
 
 The runs are made with `pm01 train --task static`, with `--randomization on`, and with
 `--backend mujoco`. All cells of a suite are the same held-out episodes, but for their number.
@@ -31,9 +33,12 @@ FIGURES = ("episodes", "success_rate", "success_rate_ci95", "collision_rate", "t
 
 def evaluate(run: str, suite: str, where: str, worlds: str | None) -> dict[str, Any]:
     """Return the policy's figures on held-out worlds of a suite in a simulator."""
-    backend, _, episodes = where.partition("=")
+    place, _, episodes = where.partition("=")
+    backend, _, localization = place.partition("/")
     command = [PM01, "evaluate", run, "--task", suite, "--backend", backend, "--seed", "1"]
     command += ["--episodes", episodes, "--json", "-"]
+    if localization:
+        command += ["--set", f"task.gazebo.localization={localization}"]
     if worlds is not None and suite == "barn":
         command += ["--worlds", worlds]
     answer = subprocess.run(command, check=True, capture_output=True, text=True)
@@ -46,7 +51,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trained", action="append", required=True, metavar="NAME=RUN")
     parser.add_argument("--suites", nargs="+", default=SUITES)
-    parser.add_argument("--measured", nargs="+", default=EPISODES, metavar="BACKEND=EPISODES")
+    parser.add_argument(
+        "--measured", nargs="+", default=EPISODES, metavar="BACKEND[/LOCALIZATION]=EPISODES"
+    )
     parser.add_argument("--worlds", help="the unpacked BARN dataset, for the suite barn")
     parser.add_argument("--out", required=True)
     options = parser.parse_args()

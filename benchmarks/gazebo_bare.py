@@ -15,6 +15,7 @@ import numpy as np
 from pm01_nav.backends.engine import Scenario
 from pm01_nav.backends.gazebo_exchange import Reading, Setup
 from pm01_nav.backends.gazebo_worker import open_gazebo
+from pm01_nav.worlds.world import World
 
 
 class BareServer:
@@ -25,11 +26,9 @@ class BareServer:
         self._inner: Any = open_gazebo(world, setup)
         self._setup = setup
 
-    def reset(
-        self, scenario: Scenario, obstacles: str | None, mover_radii: np.ndarray | None
-    ) -> Reading:
+    def reset(self, scenario: Scenario, world: World | None) -> Reading:
         """Reset as usual."""
-        return self._inner.reset(scenario, obstacles, mover_radii)
+        return self._inner.reset(scenario, world)
 
     def bare_loop(self, loops: int) -> float:
         """Return real seconds of so many control steps."""

@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from typing import Any, Literal
 
 from pm01_nav.arrays import Arrays
-from pm01_nav.backends.gazebo_address import GazeboAddress
+from pm01_nav.backends.gazebo_config import GazeboConfig
 from pm01_nav.backends.gazebo_install import require_gazebo
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
@@ -23,7 +23,7 @@ from pm01_nav.worlds.pool import WorldPool
 BackendName = Literal["planar", "mujoco", "pybullet", "gazebo", "gazebo_transport"]
 MOST_ROBOTS: dict[BackendName, int] = {"gazebo": os.cpu_count() or 1, "gazebo_transport": 1}
 """How many robots are worth driving at once, where each is a process."""
-DEFAULT_ADDRESS = GazeboAddress()
+DEFAULT_GAZEBO = GazeboConfig()
 EXTRAS = {"mujoco": "physics", "pybullet": "pybullet"}
 """What to install for each engine."""
 
@@ -34,12 +34,12 @@ def make_simulator(
     robot: RobotSpec,
     pool: WorldPool,
     num_envs: int,
-    gazebo: GazeboAddress = DEFAULT_ADDRESS,
+    gazebo: GazeboConfig = DEFAULT_GAZEBO,
     **how: Any,
 ) -> PlanarSimulator:
     """Return ``num_envs`` robots in the worlds of ``pool``; ``how`` is as for ``PlanarSimulator``.
 
-    Where ``arrays`` are on a GPU, so is the simulator. ``gazebo`` is for ``gazebo_transport``.
+    Where ``arrays`` are on a GPU, so is the simulator. ``gazebo`` is for Gazebo alone.
 
     Raises:
         InputError: the engine is not installed, or cannot run on a GPU.
@@ -57,7 +57,7 @@ def make_simulator(
     if backend == "gazebo":
         from pm01_nav.backends.gazebo import GazeboSimulator
 
-        return GazeboSimulator(robot, pool, num_envs, **how)
+        return GazeboSimulator(gazebo.localization, robot, pool, num_envs, **how)
     if backend == "gazebo_transport":
         from pm01_nav.backends.gazebo_transport import RunningGazeboSimulator
 

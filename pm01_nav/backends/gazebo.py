@@ -33,14 +33,18 @@ DIED = "Gazebo's server died in the middle of the episode"
 
 
 class GazeboSimulator(PhysicsSimulator):
-    """Robots in Gazebo, which know their pose and speed by their wheels' odometry.
+    """Robots in Gazebo, which know their speed by their wheels, and their place as well.
 
-    An episode ends at the goal where the robot truly is.
+    With ``localization`` "ground_truth" they know their place as if by a perfect map. An episode ends at
+    the goal where the robot truly is.
     """
 
-    def __init__(self, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any) -> None:
+    def __init__(
+        self, localization: str, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+    ) -> None:
         """Start ``num_envs`` servers; ``how`` is as for ``PlanarSimulator``."""
         super().__init__(GazeboEngine, robot, pool, num_envs, **how)
+        self._localized = localization == "ground_truth"
 
     @property
     def _odometry(self) -> Motion:
@@ -49,12 +53,14 @@ class GazeboSimulator(PhysicsSimulator):
 
     @property
     def measured_pose(self) -> FloatArray:
-        """Where the robot believes to be by odometry, like ``SimState.pose``."""
-        return self._odometry.pose
+        """Where the robot believes to be, like ``SimState.pose``."""
+        return super().measured_pose if self._localized else self._odometry.pose
 
     @property
     def measured_goal(self) -> FloatArray:
-        """Distance and bearing of the goal by odometry [m, rad], shape (num_envs, 2)."""
+        """Distance and bearing of the goal as the robot believes [m, rad], shape (num_envs, 2)."""
+        if self._localized:
+            return super().measured_goal
         x, y = to_frame(self.state.goal, self._odometry.pose).T
         return np.stack([np.hypot(x, y), np.arctan2(y, x)], axis=-1)
 

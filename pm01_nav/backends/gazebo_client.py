@@ -27,7 +27,7 @@ from gz.msgs10.world_stats_pb2 import WorldStatistics
 from gz.transport13 import Node
 from numpy.typing import NDArray
 
-from pm01_nav.backends.gazebo_address import GazeboAddress
+from pm01_nav.backends.gazebo_config import GazeboConfig
 from pm01_nav.backends.gazebo_messages import (
     nanoseconds,
     pose_of,
@@ -57,7 +57,7 @@ START = "start one with: ros2 launch pm01_gazebo pm01_world.launch.py"
 class RunningGazebo:
     """One robot in a Gazebo that others started; it is paused between our steps."""
 
-    def __init__(self, address: GazeboAddress, num_beams: int, control_dt: float) -> None:
+    def __init__(self, address: GazeboConfig, num_beams: int, control_dt: float) -> None:
         """Find the world, pause it and measure its steps.
 
         Raises:

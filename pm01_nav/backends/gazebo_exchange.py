@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.backends.engine import Scenario, View
+from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
 
@@ -55,13 +56,10 @@ class Reading:
 class Server(Protocol):
     """A Gazebo with one robot, whether it runs here or elsewhere."""
 
-    def reset(
-        self, scenario: Scenario, obstacles: str | None, mover_radii: FloatArray | None
-    ) -> Reading:
+    def reset(self, scenario: Scenario, world: World | None) -> Reading:
         """Put the robot at rest where its scenario says.
 
-        ``obstacles`` is an SDF model that replaces those that stand there, ``mover_radii`` (n,) [m]
-        are those of the movers that replace the others; None leaves all as it is.
+        Obstacles and movers of ``world`` replace those that are there; None leaves all as it is.
         """
         ...
 

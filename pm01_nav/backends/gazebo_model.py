@@ -7,6 +7,7 @@ The world holds the robot alone. Obstacles are models that come and go with the 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 from pm01_nav.backends.body import WHEEL_FRICTION, BodyModel, body_model
 from pm01_nav.backends.engine import WALL_THICKNESS
 from pm01_nav.robot import Limits, RobotSpec
-from pm01_nav.worlds.sdf_writer import HEIGHT, add_obstacles, text_of
+from pm01_nav.worlds.obj_writer import obstacles_obj
+from pm01_nav.worlds.sdf_writer import GREY, HEIGHT, add_obstacles, paint, text_of
 from pm01_nav.worlds.shapes import as_box
 from pm01_nav.worlds.world import World
 
@@ -62,14 +64,24 @@ def server_world(robot: RobotSpec, physics_dt: float, control_dt: float) -> str:
     return tostring(root, encoding="unicode")
 
 
-def obstacles_model(world: World) -> str:
+def obstacles_model(world: World, mesh: Path) -> str:
     """Return an SDF file's text with one static model: what stands still in a world.
 
+    What lidars and cameras see of it is written as a Wavefront OBJ ``mesh``: BARN's hundreds of
+    cylinders are drawn six times as fast as one.
+
     Raises:
-        InputError: the grid would take too many boxes.
+        InputError: the grid would take too many boxes, or a polygon too many pieces.
     """
     root = Element("sdf", version="1.9")
-    add_obstacles(root, world, WALL_THICKNESS)
+    link = add_obstacles(root, world, WALL_THICKNESS, kinds=["collision"])
+    content = obstacles_obj(world, HEIGHT, WALL_THICKNESS)
+    if content:
+        mesh.write_text(content, encoding="utf-8")
+        visual = SubElement(link, "visual", name="obstacles")
+        shape = SubElement(SubElement(visual, "geometry"), "mesh")
+        fill(shape, uri=mesh.absolute().as_uri())
+        paint(visual, GREY)
     return tostring(root, encoding="unicode")
 
 
@@ -260,11 +272,6 @@ def _add_ball(part: Element, radius: float) -> None:
 def _add_friction(collision: Element, coefficient: float) -> None:
     friction = SubElement(SubElement(collision, "surface"), "friction")
     fill(SubElement(friction, "ode"), mu=text_of([coefficient]), mu2=text_of([coefficient]))
-
-
-def paint(visual: Element, colour: str) -> None:
-    """Give a visual a colour, red, green, blue and opacity from 0 to 1."""
-    fill(SubElement(visual, "material"), ambient=colour, diffuse=colour)
 
 
 def _show(visual: Element, colour: str) -> None:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pm01_nav.backends.engine import View
-from pm01_nav.backends.gazebo_model import add_cylinder, add_inertial, fill, paint
+from pm01_nav.backends.gazebo_model import add_cylinder, add_inertial, fill
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.sdf_writer import text_of
+from pm01_nav.worlds.sdf_writer import paint, text_of
 
 PICTURE = "/picture"
 """The camera's topic."""

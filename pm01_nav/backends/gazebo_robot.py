@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from pm01_nav.backends.engine import Scenario, View
 from pm01_nav.backends.gazebo_exchange import Reading, Setup
-from pm01_nav.backends.gazebo_model import obstacles_model
 from pm01_nav.backends.gazebo_worker import Cores, GazeboWorker, Opener, ServerLostError
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.world import World
@@ -83,11 +82,7 @@ class GazeboRobot:
     def reset(self, scenario: Scenario, world: World) -> None:
         """Let the server put the robot at rest in a world; ``after_reset`` waits for it."""
         self._reset = scenario, world
-        obstacles, radii = None, None
-        if scenario.world != self._world:
-            obstacles = obstacles_model(world)
-            radii = np.array([mover.radius for mover in world.movers])
-        self._worker.send("reset", scenario, obstacles, radii)
+        self._worker.send("reset", scenario, None if scenario.world == self._world else world)
         self._world = scenario.world
 
     def after_reset(self) -> Reading | None:

@@ -23,7 +23,8 @@ from gz.msgs10.laserscan_pb2 import LaserScan
 from gz.msgs10.odometry_pb2 import Odometry
 from gz.msgs10.pose_v_pb2 import Pose_V
 from gz.msgs10.twist_pb2 import Twist
-from gz.sim8 import K_NULL_ENTITY, Link, Model, TestFixture, World, world_entity
+from gz.sim8 import K_NULL_ENTITY, Link, Model, TestFixture, world_entity
+from gz.sim8 import World as GazeboWorld
 from gz.transport13 import Node, SubscribeOptions
 from numpy.typing import NDArray
 
@@ -47,6 +48,7 @@ from pm01_nav.backends.gazebo_picture import (
 from pm01_nav.backends.gazebo_stream import StampedStream
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame, wrap_angle
+from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
 
@@ -70,6 +72,8 @@ class GazeboServer:
             InputError: it cannot load the world, the robot is not in it, or its lidar is silent.
         """
         self._setup = setup
+        self._folder = world.parent
+        self._mesh = self._folder / "obstacles_0.obj"
         self._time_ns = 0
         self._left = 0
         self._poses: list[FloatArray] = []
@@ -96,19 +100,14 @@ class GazeboServer:
         self._step(np.zeros((setup.ticks, 0, 2)))
         self._scans.wait(self._time_ns, SCAN_TIMEOUT_S)
 
-    def reset(
-        self, scenario: Scenario, obstacles: str | None, mover_radii: FloatArray | None
-    ) -> Reading:
-        """Put the robot at rest where its scenario says.
-
-        ``obstacles`` is an SDF model that replaces those that stand there, ``mover_radii`` (n,) [m]
-        are those of the movers that replace the others; None leaves all as it is.
+    def reset(self, scenario: Scenario, world: World | None) -> Reading:
+        """Put the robot at rest where its scenario says; see ``Server.reset``.
 
         Raises:
             InputError: Gazebo does not do as it is told, or the robot does not come to rest.
         """
-        if obstacles is not None and mover_radii is not None:
-            self._replace(obstacles, mover_radii)
+        if world is not None:
+            self._replace(world)
         self._publish(np.zeros(2))
         self._teleport(scenario)
         still = np.broadcast_to(scenario.movers, (self._setup.ticks, *scenario.movers.shape))
@@ -203,15 +202,19 @@ class GazeboServer:
         _add_pose(message, names.ROBOT, place, (0.0, 0.0, np.sin(yaw / 2.0), np.cos(yaw / 2.0)))
         self._request("set_pose_vector", message, Pose_V)
 
-    def _replace(self, obstacles: str, mover_radii: FloatArray) -> None:
+    def _replace(self, world: World) -> None:
         """Take the present obstacles away and put others up; they stand there after a step."""
         for name in (*self._obstacles, *self._movers):
             self._request("remove", Entity(name=name, type=Entity.MODEL), Entity)
         self._changes += 1
         # New names: the old models leave in the same step in which these come.
         self._obstacles = [f"obstacles_{self._changes}"]
-        self._movers = [f"mover_{self._changes}_{k}" for k in range(len(mover_radii))]
-        models = [obstacles, *(names.mover_model(radius) for radius in mover_radii.tolist())]
+        self._movers = [f"mover_{self._changes}_{k}" for k in range(len(world.movers))]
+        # A new file, too: Gazebo keeps the meshes that it has read.
+        self._mesh.unlink(missing_ok=True)
+        self._mesh = self._folder / f"obstacles_{self._changes}.obj"
+        models = [names.obstacles_model(world, self._mesh)]
+        models += [names.mover_model(mover.radius) for mover in world.movers]
         for name, model in zip((*self._obstacles, *self._movers), models, strict=True):
             self._request("create", EntityFactory(sdf=model, name=name), EntityFactory)
 
@@ -228,7 +231,7 @@ class GazeboServer:
         if self._left > 1:
             return
         if self._robot == K_NULL_ENTITY:
-            model = World(world_entity(ecm)).model_by_name(ecm, names.ROBOT)
+            model = GazeboWorld(world_entity(ecm)).model_by_name(ecm, names.ROBOT)
             self._robot = Model(model).link_by_name(ecm, "base_link")
         pose = Link(self._robot).world_pose(ecm)
         here = np.array([pose.x(), pose.y(), pose.yaw()])

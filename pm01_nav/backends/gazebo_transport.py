@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.backends.engine import Motion, Scenario, View
-from pm01_nav.backends.gazebo_address import GazeboAddress
+from pm01_nav.backends.gazebo_config import GazeboConfig
 from pm01_nav.backends.physics import PhysicsSimulator
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
@@ -25,13 +25,19 @@ class RunningGazeboSimulator(PhysicsSimulator):
     """A robot in a Gazebo that others started; it is where its odometry says."""
 
     def __init__(
-        self, address: GazeboAddress, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+        self, address: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
     ) -> None:
         """Find the robot; ``how`` is as for ``PlanarSimulator``.
 
         Raises:
-            InputError: there are several robots or worlds to drive in, or Gazebo has none such.
+            InputError: there are several robots or worlds to drive in, Gazebo has none such, or
+                the robot shall know its place otherwise.
         """
+        if address.localization != "odometry":
+            raise InputError(
+                f"task.gazebo.localization = {address.localization!r}: a robot of "
+                "gazebo_transport knows its place by odometry only"
+            )
         if num_envs != 1 or len(pool) != 1:
             raise InputError(
                 "backend = 'gazebo_transport': drives one robot in the one world that runs; give "
@@ -53,7 +59,7 @@ class RunningEngine:
 
     def __init__(
         self,
-        address: GazeboAddress,
+        address: GazeboConfig,
         robot: RobotSpec,
         worlds: Sequence[World],
         num_envs: int,

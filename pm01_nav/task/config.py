@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from pm01_nav.backends import DEFAULT_ADDRESS, BackendName, GazeboAddress
+from pm01_nav.backends import DEFAULT_GAZEBO, BackendName, GazeboConfig
 from pm01_nav.config import FrozenModel, merge, validate
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, load_robot
 from pm01_nav.sim.state import PedestrianModel
@@ -65,8 +65,8 @@ class TaskConfig(FrozenModel):
     """Laid over the robot's own description, e.g. ``{lidar: {num_beams: 20}}``."""
     backend: BackendName = "planar"
     """What moves the robots: the planar simulator or a physics engine."""
-    gazebo: GazeboAddress = DEFAULT_ADDRESS
-    """Which robot in which Gazebo, for the backend ``gazebo_transport``."""
+    gazebo: GazeboConfig = DEFAULT_GAZEBO
+    """For the backends ``gazebo`` and ``gazebo_transport``."""
     control_dt: Annotated[float, Field(ge=0.001, le=1.0)] = 0.1
     """Time between two actions [s]."""
     time_limit_steps: Annotated[int, Field(ge=1)] = 500

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, register_namespace, tostring
 
@@ -19,6 +19,8 @@ HEIGHT = 1.0
 """Of all obstacles [m]."""
 PHYSICS_STEP = 0.004
 """Of Gazebo [s]; with its default of 1 ms wheels drive no better, three times slower."""
+SOLID = ("collision", "visual")
+"""What bodies meet, and what lidars and cameras see."""
 GREY, RED = "0.5 0.5 0.5 1", "0.7 0.2 0.2 1"
 ABOUT = (
     " Written by pm01. All static obstacles are collisions of one model. A spline mover is an "
@@ -101,8 +103,13 @@ def _add_model(world: Element, name: str) -> Element:
     return SubElement(model, "link", name="link")
 
 
-def add_obstacles(parent: Element, content: World, thickness: float = WALL_THICKNESS) -> None:
-    """Add a static model of all obstacles that stand still to ``parent``.
+def add_obstacles(
+    parent: Element,
+    content: World,
+    thickness: float = WALL_THICKNESS,
+    kinds: Sequence[str] = SOLID,
+) -> Element:
+    """Add a static model of all obstacles that stand still to ``parent``, return its link.
 
     ``thickness`` [m] is that of walls that have none in the plane.
 
@@ -111,11 +118,13 @@ def add_obstacles(parent: Element, content: World, thickness: float = WALL_THICK
     """
     link = _add_model(parent, "obstacles")
     for index, (x, y, radius) in enumerate(content.discs):
-        _add_solid(link, f"disc_{index}", _cylinder(radius), (x, y, HEIGHT / 2.0, 0, 0, 0))
+        place = (x, y, HEIGHT / 2.0, 0, 0, 0)
+        _add_solid(link, f"disc_{index}", _cylinder(radius), place, kinds=kinds)
     for part, box in obstacle_boxes(content, thickness):
         shape = Element("box")
         SubElement(shape, "size").text = text_of((box.length, box.width, HEIGHT))
-        _add_solid(link, part, shape, (box.x, box.y, HEIGHT / 2.0, 0, 0, box.yaw))
+        place = (box.x, box.y, HEIGHT / 2.0, 0, 0, box.yaw)
+        _add_solid(link, part, shape, place, kinds=kinds)
     for index, polygon in enumerate(content.polygons):
         if as_box(polygon) is None:
             shape = Element("polyline")
@@ -123,7 +132,8 @@ def add_obstacles(parent: Element, content: World, thickness: float = WALL_THICK
                 SubElement(shape, "point").text = text_of(point)
             SubElement(shape, "height").text = text_of([HEIGHT])
             # A polyline stands on its origin, other shapes reach half their height below it.
-            _add_solid(link, f"polygon_{index}", shape, (0, 0, 0, 0, 0, 0))
+            _add_solid(link, f"polygon_{index}", shape, (0, 0, 0, 0, 0, 0), kinds=kinds)
+    return link
 
 
 def _cylinder(radius: float) -> Element:
@@ -134,17 +144,27 @@ def _cylinder(radius: float) -> Element:
 
 
 def _add_solid(
-    link: Element, name: str, shape: Element, pose: tuple[float, ...], colour: str = GREY
+    link: Element,
+    name: str,
+    shape: Element,
+    pose: tuple[float, ...],
+    colour: str = GREY,
+    kinds: Sequence[str] = SOLID,
 ) -> None:
-    """Add a collision and a visual of the same shape."""
-    for kind in ("collision", "visual"):
+    """Add a collision and a visual of the same shape, or one of them."""
+    for kind in kinds:
         part = SubElement(link, kind, name=f"{name}_{kind}")
         SubElement(part, "pose").text = text_of(pose)
         SubElement(part, "geometry").append(shape)
         if kind == "visual":
-            material = SubElement(part, "material")
-            SubElement(material, "ambient").text = colour
-            SubElement(material, "diffuse").text = colour
+            paint(part, colour)
+
+
+def paint(visual: Element, colour: str) -> None:
+    """Give a visual a colour, red, green, blue and opacity from 0 to 1."""
+    material = SubElement(visual, "material")
+    SubElement(material, "ambient").text = colour
+    SubElement(material, "diffuse").text = colour
 
 
 def _add_standing(world: Element, name: str, mover: Mover) -> None:

@@ -28,10 +28,12 @@ HALL = World("hall", (-10.0, -10.0, 10.0, 10.0), discs=np.array([[8.0, 8.0, 0.3]
 Make = Callable[..., GazeboSimulator]
 
 
-def simulator_in(worlds: list[World], num_envs: int, robot: str = "pm01") -> GazeboSimulator:
+def simulator_in(
+    worlds: list[World], num_envs: int, robot: str = "pm01", localization: str = "odometry"
+) -> GazeboSimulator:
     """Return robots in Gazebo, seeded with 0, 1, 2 ... and reset."""
     pool = build_pool(worlds, radius=0.3)
-    simulator = GazeboSimulator(load_robot(robot), pool, num_envs)
+    simulator = GazeboSimulator(localization, load_robot(robot), pool, num_envs)
     simulator.seed(np.arange(num_envs))
     simulator.reset()
     return simulator
@@ -49,9 +51,9 @@ def played(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., GazeboSimu
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     import played_server
 
-    def make(opener: str, num_envs: int = 1, worlds: tuple[World, ...] = (HALL,)):
+    def make(opener: str, num_envs: int = 1, worlds: tuple[World, ...] = (HALL,), **more: str):
         monkeypatch.setattr(GazeboEngine, "opener", staticmethod(getattr(played_server, opener)))
-        return simulator_in(list(worlds), num_envs)
+        return simulator_in(list(worlds), num_envs, **more)
 
     yield make
     IDLE.close()

@@ -13,6 +13,7 @@ from pm01_nav.backends.engine import Scenario, View
 from pm01_nav.backends.gazebo_exchange import Reading, Setup
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import after_twist
+from pm01_nav.worlds.world import World
 
 SLIP = 0.9
 """The robot moves by so much of what its wheels say."""
@@ -28,11 +29,9 @@ class PlayedServer:
         self._pose = self._odometry = np.zeros(3)
         self.replaced = 0
 
-    def reset(
-        self, scenario: Scenario, obstacles: str | None, mover_radii: np.ndarray | None
-    ) -> Reading:
+    def reset(self, scenario: Scenario, world: World | None) -> Reading:
         """Stand where the scenario says."""
-        self.replaced += obstacles is not None
+        self.replaced += world is not None
         self._pose = self._odometry = scenario.pose
         return self._reading(np.zeros(2))
 

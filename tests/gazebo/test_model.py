@@ -83,13 +83,25 @@ def test_the_lidar_is_read_once_a_control_step() -> None:
     assert number(world, "physics/real_time_factor") == 0.0
 
 
-def test_obstacles_are_one_model_that_does_not_move() -> None:
+def test_obstacles_are_one_model_that_does_not_move(tmp_path) -> None:
     discs = np.array([[1.0, 2.0, 0.25], [3.0, 4.0, 0.5]])
-    text = obstacles_model(World("w", (0.0, 0.0, 9.0, 9.0), discs=discs))
+    mesh = tmp_path / "discs.obj"
+    text = obstacles_model(World("w", (0.0, 0.0, 9.0, 9.0), discs=discs), mesh)
     (model,) = fromstring(text).findall("model")
     assert model.findtext("static") == "true"
     radii = [number(part, "geometry/cylinder/radius") for part in model.iterfind("link/collision")]
     assert radii == [0.25, 0.5]
+    # What is seen is drawn at a stroke.
+    (visual,) = model.findall("link/visual")
+    assert visual.findtext("geometry/mesh/uri") == mesh.as_uri()
+    assert mesh.read_text(encoding="utf-8").count("f ") > 2 * 25
+
+
+def test_nothing_is_drawn_where_nothing_stands(tmp_path) -> None:
+    mesh = tmp_path / "none.obj"
+    text = obstacles_model(World("w", (0.0, 0.0, 9.0, 9.0)), mesh)
+    assert fromstring(text).find("model/link/visual") is None
+    assert not mesh.exists()
 
 
 def test_a_mover_hangs_in_the_air_too_heavy_to_be_pushed() -> None:

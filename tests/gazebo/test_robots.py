@@ -35,6 +35,16 @@ def test_the_robot_believes_its_wheels(played) -> None:
     assert simulator.measured_pose[0] == pytest.approx(simulator.state.pose[0])
 
 
+def test_a_robot_may_know_its_true_place_but_its_speed_by_its_wheels(played) -> None:
+    simulator = played("steady", localization="ground_truth")
+    simulator.place(np.array([0]), [[1.0, 2.0, np.pi / 2.0]], [[1.0, 5.0]])
+    for _ in range(10):
+        simulator.step([[0.5, 0.0]])
+    assert simulator.measured_pose[0] == pytest.approx([1.0, 2.45, np.pi / 2.0])
+    assert simulator.measured_goal[0] == pytest.approx([2.55, 0.0], abs=1e-12)
+    assert simulator.measured_twist[0] == pytest.approx([0.5, 0.0])
+
+
 def test_obstacles_are_replaced_only_where_the_world_changes(played, hall) -> None:
     simulator = played("steady", worlds=(hall, OTHER))
     changes = []

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pm01_nav.arrays import NUMPY
-from pm01_nav.backends import GazeboAddress, make_simulator
+from pm01_nav.backends import GazeboConfig, make_simulator
 from pm01_nav.backends.gazebo_install import what_is_missing
 from pm01_nav.errors import InputError
 from pm01_nav.robot import load_robot
@@ -25,7 +25,7 @@ pytestmark = [
 def robot_in(path: Path, **address: str):
     pool = build_pool([read_sdf_world(path)], radius=0.3)
     simulator = make_simulator(
-        "gazebo_transport", NUMPY, load_robot("pm01"), pool, 1, GazeboAddress(**address)
+        "gazebo_transport", NUMPY, load_robot("pm01"), pool, 1, GazeboConfig(**address)
     )
     simulator.seed([0])
     simulator.reset()
@@ -84,8 +84,8 @@ def test_nothing_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
     code = (
         "from pm01_nav.backends.gazebo_client import RunningGazebo\n"
-        "from pm01_nav.backends.gazebo_address import GazeboAddress\n"
-        "RunningGazebo(GazeboAddress(), 360, 0.1)"
+        "from pm01_nav.backends.gazebo_config import GazeboConfig\n"
+        "RunningGazebo(GazeboConfig(), 360, 0.1)"
     )
     monkeypatch.setenv("GZ_PARTITION", "pm01_nobody")
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

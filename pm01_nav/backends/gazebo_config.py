@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which robot in which Gazebo, where one runs already."""
+"""What a task says of Gazebo."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -12,8 +12,14 @@ from pm01_nav.config import FrozenModel
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_/-]*$")]
 
 
-class GazeboAddress(FrozenModel):
-    """Names of a world, a model and topics; they are those of ``pm01_gazebo``'s launch file."""
+class GazeboConfig(FrozenModel):
+    """How robots know their place, and their names in a Gazebo that runs already.
+
+    The names are those of ``pm01_gazebo``'s launch file.
+    """
+
+    localization: Literal["odometry", "ground_truth"] = "odometry"
+    """How a robot of the backend ``gazebo`` knows its place: by its wheels, or as it is."""
 
     world: Name = ""
     """Name of the world; empty takes the one that runs."""
