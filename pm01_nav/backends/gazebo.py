@@ -35,8 +35,8 @@ DIED = "Gazebo's server died in the middle of the episode"
 class GazeboSimulator(PhysicsSimulator):
     """Robots in Gazebo, which know their speed by their wheels, and their place as well.
 
-    With ``localization`` "ground_truth" they know their place as if by a perfect map. An episode ends at
-    the goal where the robot truly is.
+    With ``localization`` "ground_truth" they know their place as if by a perfect map. An episode
+    ends at the goal where the robot truly is.
     """
 
     def __init__(

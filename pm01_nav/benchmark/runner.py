@@ -13,12 +13,14 @@ from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from pm01_nav.benchmark.cluster import drive_on
 from pm01_nav.benchmark.entry import Entry
 from pm01_nav.benchmark.job import Job, Worker
 from pm01_nav.benchmark.merge import Merged
 from pm01_nav.benchmark.store import PART, ResultsFolder
 from pm01_nav.benchmark.suite import Suite
 from pm01_nav.errors import InputError
+from pm01_nav.executors import Executor
 from pm01_nav.provenance import provenance
 
 TIMED_EPISODES = 20
@@ -91,12 +93,19 @@ def _rest(
     return jobs
 
 
-def run_plan(folder: ResultsFolder, plan: Plan, processes: int) -> Iterator[Job]:
+def run_plan(
+    folder: ResultsFolder, plan: Plan, processes: int, cluster: Executor | None = None
+) -> Iterator[Job]:
     """Do what a plan says; yield each job when it is done.
+
+    A cluster drives the episodes. Computing times are measured here: those of one machine compare.
 
     Raises:
         InputError: a job could not be done, or a worker died.
     """
+    if cluster is not None:
+        yield from drive_on(cluster, folder, plan.episodes)
+        plan = plan._replace(episodes=[])
     origin = provenance()
     context = multiprocessing.get_context("spawn")
     stop = context.Event()

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pm01_nav.cli.options import episode_options
+from pm01_nav.cli.options import episode_options, ray_option
 
 if TYPE_CHECKING:
     from pm01_nav.benchmark.entry import Entry
     from pm01_nav.benchmark.runner import Plan
     from pm01_nav.benchmark.store import ResultsFolder
     from pm01_nav.benchmark.suite import Suite
+    from pm01_nav.executors import Executor
 
 
 @click.command("benchmark", short_help="Measure policies and planners on many suites.")
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
 )
 @click.option("--out", required=True, metavar="DIR", help="Where results are, or are added.")
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
+@ray_option
 @click.option(
     "--replays",
     type=click.IntRange(0),
@@ -75,6 +77,7 @@ def command(
     episodes: int,
     out: str,
     jobs: int | None,
+    ray_address: str | None,
     replays: int,
     **where: Any,
 ) -> None:
@@ -96,7 +99,7 @@ def command(
     suites = _suites(**where)
     folder = ResultsFolder(Path(out))
     plan = plan_benchmark(folder, suites, _entries(policies, planners), episodes, replays)
-    _run(folder, plan, jobs)
+    _run(folder, plan, jobs, ray_address)
     _report(folder, suites)
 
 
@@ -133,23 +136,26 @@ def _entries(policies: tuple[str, ...], planners: tuple[str, ...]) -> list[Entry
     return found
 
 
-def _run(folder: ResultsFolder, plan: Plan, jobs: int | None) -> None:
+def _run(folder: ResultsFolder, plan: Plan, jobs: int | None, ray_address: str | None) -> None:
     """Run with a progress bar; it counts episodes."""
+    from pm01_nav.executors import RayCluster
+
+    cluster = RayCluster(ray_address) if ray_address and plan.episodes else None
     try:
-        _follow(folder, plan, jobs)
+        _follow(folder, plan, jobs, cluster)
     except KeyboardInterrupt:
         click.echo("interrupted; the same command goes on where it stopped", err=True)
         raise SystemExit(130) from None
 
 
-def _follow(folder: ResultsFolder, plan: Plan, jobs: int | None) -> None:
+def _follow(folder: ResultsFolder, plan: Plan, jobs: int | None, cluster: Executor | None) -> None:
     from pm01_nav.benchmark.runner import run_plan
     from pm01_nav.cli.display import episodes_bar
     from pm01_nav.provenance import machine
 
     with episodes_bar() as bar:
         task = bar.add_task("episodes", total=plan.total, completed=plan.done, now="")
-        for job in run_plan(folder, plan, jobs or int(machine()["cores"])):
+        for job in run_plan(folder, plan, jobs or int(machine()["cores"]), cluster):
             what = f"{job.entry.name} on {job.suite.name}"
             note = what if job.kind == "episodes" else f"{job.kind}: {what}"
             bar.update(task, advance=job.count if job.kind == "episodes" else 0, now=note)

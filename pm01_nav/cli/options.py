@@ -75,6 +75,12 @@ def episode_options(command: Command) -> Command:
     return episodes(seed(command))
 
 
+def ray_option(command: Command) -> Command:
+    """Add the option that names a cluster."""
+    text = "Use a Ray cluster: host:port, auto, or local, which starts one here."
+    return click.option("--ray", "ray_address", metavar="ADDRESS", help=text)(command)
+
+
 def randomization_option(command: Command) -> Command:
     """Add the option that says how far robots and sensors are from their description."""
     return click.option(

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from pm01_nav.cli.options import randomization_option, task_options
+from pm01_nav.cli.options import randomization_option, ray_option, task_options
 from pm01_nav.cli.train import fresh_config, training_options
 
 
@@ -29,7 +29,7 @@ from pm01_nav.cli.train import fresh_config, training_options
     metavar="N",
     help="Seeds at a time on this machine. With --time-budget more than 1 makes each slower.",
 )
-@click.option("--ray", "ray_address", metavar="ADDRESS", help="Use a Ray cluster: host:port, auto.")
+@ray_option
 def command(
     seeds: int,
     first_seed: int,
@@ -57,8 +57,8 @@ def command(
     from pm01_nav.cli.display import sweep_table
     from pm01_nav.config import to_yaml, write_atomically
     from pm01_nav.errors import InputError
+    from pm01_nav.executors import make_executor
     from pm01_nav.rendering.sweep_plot import plot_sweep
-    from pm01_nav.train.executors import make_executor
     from pm01_nav.train.sweep import SeedJob, Sweep
 
     config = fresh_config(options)

@@ -60,7 +60,7 @@ def command(
 
     from pm01_nav.cli.display import tuning_table
     from pm01_nav.errors import InputError
-    from pm01_nav.train.executors import make_executor, run_pm01
+    from pm01_nav.executors import make_executor, run_pm01
     from pm01_nav.train.tuning import Tuning, default_space, load_space
 
     if ray_address and not storage:

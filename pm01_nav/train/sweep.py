@@ -16,9 +16,9 @@ import numpy as np
 from pm01_nav.config import to_yaml, write_atomically
 from pm01_nav.documents import load_json
 from pm01_nav.errors import InputError
+from pm01_nav.executors import Executor, run_pm01
 from pm01_nav.provenance import provenance
 from pm01_nav.train.config import RunConfig
-from pm01_nav.train.executors import Executor, run_pm01
 from pm01_nav.train.statistics import curves_at, iqm_with_interval, time_to
 
 KEPT = ("config.yaml", "history.json", "run.json", "policy.onnx")

@@ -9,7 +9,7 @@ import pytest
 
 from pm01_nav.config import to_yaml
 from pm01_nav.errors import InputError
-from pm01_nav.train.executors import Done
+from pm01_nav.executors import Done
 from pm01_nav.train.sweep import EVALUATIONS, SeedJob, Sweep
 from tests.train.test_training import config
 

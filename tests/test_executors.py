@@ -11,7 +11,7 @@ import sys
 import pytest
 
 from pm01_nav.errors import InputError
-from pm01_nav.train.executors import LocalProcesses, _checked, make_executor
+from pm01_nav.executors import LocalProcesses, _checked, make_executor
 
 
 def square(number: int) -> int:
