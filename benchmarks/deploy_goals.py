@@ -120,14 +120,23 @@ class Judge(Node):
                 self.wait(handle.cancel_goal_async())
             result["action_status"] = self.wait(handle.get_result_async()).status
         if driver is not None:
-            os.killpg(driver.pid, signal.SIGKILL)
-            driver.wait()
+            stop(driver)
         return result
 
 
 def start(*command: str) -> subprocess.Popen[bytes]:
     """Start a process in a group of its own."""
     return subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
+
+
+def stop(process: subprocess.Popen[bytes]) -> None:
+    """Stop a drive as its user would, by Ctrl-C; at once if that takes long."""
+    os.killpg(process.pid, signal.SIGINT)
+    try:
+        process.wait(timeout=10.0)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
 
 def drive_command(way: str, policy: str) -> tuple[str, ...]:

@@ -67,8 +67,8 @@ def server_world(robot: RobotSpec, physics_dt: float, control_dt: float) -> str:
 def obstacles_model(world: World, mesh: Path) -> str:
     """Return an SDF file's text with one static model: what stands still in a world.
 
-    What lidars and cameras see of it is written as a Wavefront OBJ ``mesh``: BARN's hundreds of
-    cylinders are drawn six times as fast as one.
+    What lidars and cameras see of it is written as a Wavefront OBJ ``mesh``: hundreds of
+    cylinders are drawn several times faster so than one by one.
 
     Raises:
         InputError: the grid would take too many boxes, or a polygon too many pieces.

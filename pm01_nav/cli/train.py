@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from pm01_nav.train.config import RunConfig
 
 DEFAULT_TIME_BUDGET = 60.0
-FLAGS = ("algo", "learner", "device", "curriculum", "seed", "time_budget", "steps", "track")
+FLAGS = ("algo", "preset", "learner", "device", "curriculum", "seed")
+FLAGS += ("time_budget", "steps", "track")
 """Options that are keys of ``train``."""
-KEPT_BY_RESUME = ("algo", "learner", "device", "curriculum", "seed")
+KEPT_BY_RESUME = ("algo", "preset", "learner", "device", "curriculum", "seed")
 
 
 OPTIONS = (
@@ -30,6 +31,11 @@ OPTIONS = (
         "--algo",
         metavar="NAME",
         help="The algorithm: ppo, ppo_lstm, sac, td3 or tqc.  [default: ppo]",
+    ),
+    click.option(
+        "--preset",
+        metavar="NAME",
+        help="Hyper-parameters to begin with: default, or quick, PPO for budgets of some seconds.",
     ),
     click.option(
         "--learner",
@@ -97,6 +103,7 @@ def command(**options: Any) -> None:
     \b
     Examples:
       pm01 train --task static --time-budget 60 --out runs/x
+      pm01 train --task static --preset quick --time-budget 15 --out runs/quick
       pm01 train --task static --randomization on --out runs/robust
       pm01 train --task mixed --curriculum automatic --time-budget 600 --out runs/mixed
       pm01 train --task barn_like --steps 20000000 --out runs/barn

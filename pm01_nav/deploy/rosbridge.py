@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit
 from uuid import uuid4
@@ -48,6 +49,7 @@ class RosbridgeLink:
         self._ros: Any = None
         self._commands: Any = None
         self._echoes: Any = None
+        self._heard: list[Any] = []
         self._echoed = -math.inf
         """When the newest number was sent that came back, by the monotonic clock [s]."""
 
@@ -72,6 +74,7 @@ class RosbridgeLink:
         ):
             topic = roslibpy.Topic(ros, f"/{name}", message, queue_length=kept)
             topic.subscribe(_putter(inbox, kind))
+            self._heard.append(topic)
         kind = "geometry_msgs/TwistStamped" if topics.stamped else "geometry_msgs/Twist"
         self._commands = roslibpy.Topic(ros, f"/{topics.command}", kind, queue_size=1)
         self._commands.advertise()
@@ -79,6 +82,7 @@ class RosbridgeLink:
         self._echoes = roslibpy.Topic(ros, name, "std_msgs/Float64", queue_length=1, queue_size=1)
         self._echoes.advertise()
         self._echoes.subscribe(self._hear_echo)
+        self._heard.append(self._echoes)
         factory.manager.run()
 
     def _hear_echo(self, message: dict[str, Any]) -> None:
@@ -107,10 +111,19 @@ class RosbridgeLink:
 
     def close(self) -> None:
         """Disconnect for good."""
+        from roslibpy.core import RosTimeoutError
+
         if self._ros is None:
             return
         self._ros.factory.stopTrying()
-        self._ros.close()
+        if self._ros.is_connected:
+            # Bridges have gone on sending to clients that left without a word, until they hung.
+            for topic in self._heard:
+                topic.unsubscribe()
+        # A bridge that hangs does not confirm; we leave nevertheless.
+        with suppress(RosTimeoutError):
+            self._ros.close()
+        self._heard.clear()
         self._ros = None
 
 

@@ -8,10 +8,9 @@ import logging
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import onnx
 import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.policies import BasePolicy
@@ -22,6 +21,9 @@ from pm01_nav.policy.network_policy import NetworkPolicy
 from pm01_nav.policy.onnx_policy import FORMAT, METADATA_KEY
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.observation import ObservationLayout
+
+if TYPE_CHECKING:
+    import onnx
 
 OPSET = 18
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -23,6 +24,7 @@ from pm01_nav.train.algorithm_config import (
     TQCConfig,
 )
 from pm01_nav.train.curiosity_config import ICMConfig, RNDConfig
+from pm01_nav.train.hyperparameters import stored_values
 
 AlgorithmName = Literal["ppo", "ppo_lstm", "sac", "td3", "tqc"]
 
@@ -52,6 +54,8 @@ class TrainConfig(FrozenModel):
 
     algo: AlgorithmName = "ppo"
     """The algorithm; its hyper-parameters stand in the section of its name."""
+    preset: Literal["default", "quick"] = "default"
+    """Hyper-parameters to begin with; ``quick`` is PPO for budgets of some seconds."""
     learner: Literal["sb3", "rsl_rl"] = "sb3"
     """Who implements the algorithm: Stable-Baselines3, or rsl_rl, made for thousands of robots."""
     device: Device = "cpu"
@@ -85,6 +89,15 @@ class TrainConfig(FrozenModel):
     """For ``curriculum: staged``."""
     automatic: AutomaticConfig = AutomaticConfig()
     """For ``curriculum: automatic``."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _over_preset(cls, given: Any) -> Any:
+        if not isinstance(given, Mapping) or given.get("preset") != "quick":
+            return given
+        if given.get("algo", "ppo") != "ppo":
+            raise ValueError("preset = quick: is for ppo alone")
+        return {**given, "ppo": {**stored_values("ppo_quick"), **given.get("ppo", {})}}
 
     @model_validator(mode="after")
     def _ends(self) -> TrainConfig:

@@ -14,6 +14,10 @@ from pm01_nav.task.observation import ObservationLayout
 from pm01_nav.train.algorithm_config import PPOConfig
 from pm01_nav.train.learner import Rate, on_policy_state, restore_on_policy
 from pm01_nav.train.networks import AsymmetricActorCritic, network_arguments, network_space
+from pm01_nav.train.optimizer import EagerAdam
+
+ADAM_EPS = 1e-5
+"""What SB3 takes for its own Adam."""
 
 
 class PPOAlgorithm:
@@ -72,7 +76,8 @@ def make_policy(config: PPOConfig, layout: ObservationLayout) -> ActorCriticPoli
 
 def policy_arguments(config: PPOConfig, layout: ObservationLayout) -> dict[str, Any]:
     """Return the arguments of the policy that SB3 builds."""
-    return network_arguments(config, layout) | {"log_std_init": config.log_std_init}
+    optimizer = {"optimizer_class": EagerAdam, "optimizer_kwargs": {"eps": ADAM_EPS}}
+    return network_arguments(config, layout) | optimizer | {"log_std_init": config.log_std_init}
 
 
 def update_arguments(config: PPOConfig) -> dict[str, Any]:

@@ -15,6 +15,8 @@ import pytest
 pytest.importorskip("roslibpy")
 websockets = pytest.importorskip("websockets.sync.server")
 
+from roslibpy.core import RosTimeoutError  # noqa: E402
+
 from pm01_nav.deploy.link import Inbox, Topics  # noqa: E402
 from pm01_nav.deploy.rosbridge import RosbridgeLink  # noqa: E402
 from pm01_nav.errors import InputError  # noqa: E402
@@ -136,6 +138,27 @@ def test_a_lost_connection_comes_back(session):
     # What was said meanwhile must not be sent now: it would come seconds too late.
     sent = [m["msg"] for m in bridge.heard if m["op"] == "publish" and m["topic"] == "/cmd_vel"]
     assert 0.4 not in [message["linear"]["x"] for message in sent]
+
+
+def test_who_leaves_takes_back_what_it_asked_for(session):
+    bridge, link, _ = session
+    asked = set(bridge.operations("subscribe"))
+    link.close()
+    assert until(lambda: set(bridge.operations("unsubscribe")) == asked)
+    link.close()
+
+
+def test_a_bridge_that_hangs_is_left_nevertheless():
+    class Hanging:
+        is_connected = False
+        factory = type("Factory", (), {"stopTrying": staticmethod(lambda: None)})
+
+        def close(self) -> None:
+            raise RosTimeoutError("Failed to disconnect to ROS")
+
+    link = RosbridgeLink("ws://127.0.0.1:9090", Topics())
+    link._ros = Hanging()
+    link.close()
 
 
 @pytest.mark.parametrize("url", ["http://127.0.0.1:9090", "127.0.0.1:9090", "ws://"])

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Presets of hyper-parameters."""
+
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from pm01_nav.train.config import TrainConfig
+
+
+def test_a_preset_stands_below_what_is_given():
+    given = {"preset": "quick", "steps": 1, "ppo": {"gamma": 0.97}}
+    ppo = TrainConfig.model_validate(given).ppo
+    assert (ppo.n_envs, ppo.net_arch, ppo.gamma) == (256, (64, 64), 0.97)
+    # What the preset does not name is the default's.
+    assert ppo.ent_coef == TrainConfig(steps=1).ppo.ent_coef
+    stored = TrainConfig.model_validate(given).model_dump()
+    assert TrainConfig.model_validate(stored).ppo == ppo
+
+
+def test_a_preset_is_for_ppo_alone():
+    with pytest.raises(ValidationError, match="ppo alone"):
+        TrainConfig.model_validate({"preset": "quick", "steps": 1, "algo": "sac"})
