@@ -7,6 +7,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
+from pathlib import Path
 
 import pytest
 
@@ -78,3 +81,50 @@ def killed_once(path: str) -> int:
 
 def pid_square(number: int) -> tuple[int, int]:
     return number**2, os.getpid()
+
+
+@pytest.mark.slow
+def test_a_node_that_is_killed_costs_its_pieces_a_second_try(tmp_path):
+    ray = pytest.importorskip("ray")
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    node = cluster.add_node(num_cpus=1)
+    try:
+        executor = make_executor(1, cluster.address)
+        # Both nodes have a piece in hand when the second one is killed with SIGKILL.
+        waiting = executor.run(slow_square, [(k, str(tmp_path)) for k in range(3)])
+        killer = threading.Timer(0.0, kill_when_busy, (cluster, node, tmp_path))
+        killer.start()
+        done = {d.index: d for d in waiting}
+        killer.join()
+        assert {k: d.result for k, d in done.items()} == {0: 0, 1: 1, 2: 4}
+        # One of the pieces was begun twice.
+        assert len(list(tmp_path.iterdir())) == 4
+    finally:
+        ray.shutdown()
+        cluster.shutdown()
+
+
+def kill_when_busy(cluster, node, folder) -> None:
+    """Kill a node's processes once two pieces have begun."""
+    while len(list(folder.iterdir())) < 2:
+        time.sleep(0.1)
+    cluster.remove_node(node, allow_graceful=False)
+
+
+def slow_square(piece: tuple[int, str]) -> int:
+    """Leave a trace of the attempt, and square after a while."""
+    number, folder = piece
+    (Path(folder) / f"{number}_{os.getpid()}").touch()
+    time.sleep(4.0)
+    return number**2
+
+
+@pytest.mark.slow
+def test_an_address_that_does_not_answer_is_said_in_time():
+    pytest.importorskip("ray")
+    began = time.monotonic()
+    with pytest.raises(InputError, match="no cluster answers"):
+        make_executor(1, "127.0.0.1:1")
+    assert time.monotonic() - began < 60.0
