@@ -9,7 +9,11 @@ import signal
 import numpy as np
 import pytest
 
+from pm01_nav.backends.gazebo_config import GazeboConfig
+from pm01_nav.backends.gazebo_transport import RunningGazeboSimulator
 from pm01_nav.errors import InputError
+from pm01_nav.robot import load_robot
+from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
 
 OTHER = World("other", (-10.0, -10.0, 10.0, 10.0), discs=np.array([[-8.0, 8.0, 0.3]]))
@@ -119,3 +123,10 @@ def test_robots_that_go_give_their_servers_back(played) -> None:
     assert worker_of(simulator).process_id == second
     simulator.step([[0.2, 0.0]])
     assert worker_of(played("steady")).process_id == first
+
+
+def test_a_gazebo_that_runs_already_has_odometry_only(hall) -> None:
+    pool = build_pool([hall], radius=0.3)
+    config = GazeboConfig(localization="ground_truth")
+    with pytest.raises(InputError, match="knows its place by odometry only"):
+        RunningGazeboSimulator(config, load_robot("pm01"), pool, 1)
