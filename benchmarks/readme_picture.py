@@ -22,6 +22,8 @@ from pm01_nav.rendering.video import Frame, write_video
 PM01 = str(Path(sys.executable).with_name("pm01"))
 HEIGHT = 460
 """Of the picture [pixels]."""
+SHOWN = 0.945
+"""Of a frame's height; below are its captions."""
 BARN_PART = (0.27, 0.73)
 """A BARN world is narrow: so much of a frame's width shows it."""
 FRAMES_PER_SECOND = 10.0
@@ -37,7 +39,7 @@ def film(policy: str, *options: str, part: tuple[float, float] = (0.0, 1.0)) -> 
         subprocess.run(command, check=True)
         with Image.open(path) as film:
             frames = [frame.convert("RGB") for frame in ImageSequence.Iterator(film)][::EVERY]
-    width, height = frames[0].size
+    width, height = frames[0].width, SHOWN * frames[0].height
     box = (part[0] * width, 0, part[1] * width, height)
     size = (round((box[2] - box[0]) * HEIGHT / height), HEIGHT)
     return [np.asarray(f.resize(size, Image.Resampling.LANCZOS, box)) for f in frames]
@@ -66,17 +68,17 @@ def main() -> None:
     parser.add_argument("--worlds", type=Path, required=True, help="the unpacked BARN dataset")
     parser.add_argument("--barn-world", type=int, default=260)
     parser.add_argument("--crowd-policy", default="zoo:pm01-crowd")
-    parser.add_argument("--crowd-seed", default="1")
+    parser.add_argument("--crowd-seed", default="3")
     parser.add_argument("--out", required=True)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = one_world(options.worlds, options.barn_world, Path(name))
         worlds = ("--task", "barn", "--worlds", str(folder))
-        barn = film("zoo:jackal-barn", *worlds, "--speed", "1", part=BARN_PART)
+        barn = film("zoo:jackal-barn", *worlds, part=BARN_PART)
     crowd = film(
         options.crowd_policy,
         *("--task", "crowd", "--set", "task.suite_params={pedestrians: 20}"),
-        *("--seed", options.crowd_seed, "--speed", "2"),
+        *("--seed", options.crowd_seed),
     )
     write_video(beside(barn, crowd), options.out, FRAMES_PER_SECOND)
 

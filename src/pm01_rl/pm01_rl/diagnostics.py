@@ -15,6 +15,9 @@ from pm01_nav.deploy.safety import Reason
 QUIET = frozenset((Reason.NO_GOAL, Reason.SLOWED))
 """Reasons that nobody needs to look into."""
 
+ROUNDING = 1e-6
+"""Of times in [s]; a simulated clock ticks in halves of the period, so that equality is common."""
+
 
 class Timing:
     """How long control steps take and how punctual they are."""
@@ -29,7 +32,7 @@ class Timing:
 
     def note(self, now: float, seconds: float) -> None:
         """Note a step at ``now`` [s] that took ``seconds``."""
-        if self._last is not None and now - self._last > 1.5 * self._control_dt:
+        if self._last is not None and now - self._last > 1.5 * self._control_dt + ROUNDING:
             self.late += 1
         self._last = now
         self.steps += 1
