@@ -75,10 +75,27 @@ def make_logger(config: RunConfig, folder: RunFolder) -> Logger:
     Raises:
         InputError: what they ask for is not installed.
     """
-    writers: list[KVWriter] = [TensorBoardOutputFormat(str(folder.tensorboard))]
+    writers: list[KVWriter] = [_tensorboard(folder)]
     if config.train.track == "wandb":
         writers.append(WandbWriter(config, folder))
     return Logger(str(folder.tensorboard), writers)
+
+
+def _tensorboard(folder: RunFolder) -> KVWriter:
+    """Return what writes for TensorBoard.
+
+    Raises:
+        InputError: it cannot be imported.
+    """
+    try:
+        # SB3 hides why it cannot: a protobuf of Gazebo's or ROS's that is older, for example.
+        import torch.utils.tensorboard  # noqa: F401
+    except ImportError as error:
+        raise InputError(
+            f"tensorboard cannot be imported: {error}; pip install 'pm01-nav[train]', and let "
+            "nothing older come before it on PYTHONPATH"
+        ) from error
+    return TensorBoardOutputFormat(str(folder.tensorboard))
 
 
 def record_session(config: RunConfig, folder: RunFolder) -> None:

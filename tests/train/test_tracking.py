@@ -43,3 +43,10 @@ def test_missing_wandb_is_said_with_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "wandb", None)
     with pytest.raises(InputError, match=r"pm01-nav\[wandb\]"):
         run(config(2, track="wandb"), tmp_path / "x")
+
+
+def test_a_tensorboard_that_cannot_be_imported_says_why(tmp_path, monkeypatch):
+    # As an old protobuf before it on the path does.
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
+    with pytest.raises(InputError, match=r"tensorboard cannot be imported: .*PYTHONPATH"):
+        run(config(), tmp_path / "x")
