@@ -8,6 +8,7 @@ through these alone, so that it does not matter where it runs.
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -97,6 +98,7 @@ class RayCluster:
         self._ray, self._retries = ray, retries
         if ray.is_initialized():
             return
+        _knock(address)
         os.environ.setdefault("RAY_raylet_start_wait_time_s", str(int(ANSWERS_WITHIN_S)))
         os.environ.setdefault("RAY_gcs_rpc_server_reconnect_timeout_s", str(int(ANSWERS_WITHIN_S)))
         settings: dict[str, Any] = {"address": address}
@@ -105,10 +107,7 @@ class RayCluster:
         try:
             ray.init(log_to_driver=False, **settings)
         except (ConnectionError, RuntimeError, ValueError, OSError) as error:
-            reason = " ".join(str(error).split())[:200]
-            raise InputError(
-                f"ray = {address!r}: no cluster answers: {reason}; `ray start --head` starts one"
-            ) from error
+            raise _no_answer(address, error) from error
 
     def run(self, function: Piece, arguments: Sequence[Any]) -> Iterator[Done]:
         """Call ``function`` with each argument; give the outcomes as they come."""
@@ -120,6 +119,28 @@ class RayCluster:
             finished, _ = ray.wait(list(waiting), num_returns=1)
             for reference in finished:
                 yield _outcome(waiting.pop(reference), lambda ref=reference: ray.get(ref))
+
+
+def _knock(address: str) -> None:
+    """See whether anything listens at ``host:port``: Ray itself asks for minutes, then aborts.
+
+    Raises:
+        InputError: nothing does.
+    """
+    host, colon, port = address.rpartition(":")
+    if not (colon and port.isdigit()):
+        return
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), ANSWERS_WITHIN_S).close()
+    except (OSError, OverflowError) as error:
+        raise _no_answer(address, error) from error
+
+
+def _no_answer(address: str, error: Exception) -> InputError:
+    reason = " ".join(str(error).split())[:200]
+    return InputError(
+        f"ray = {address!r}: no cluster answers: {reason}; `ray start --head` starts one"
+    )
 
 
 def make_executor(jobs: int, ray_address: str | None) -> Executor:

@@ -121,10 +121,8 @@ def slow_square(piece: tuple[int, str]) -> int:
     return number**2
 
 
-@pytest.mark.slow
-def test_an_address_that_does_not_answer_is_said_in_time():
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "127.0.0.1:99999"])
+def test_an_address_that_does_not_answer_is_said_in_time(address):
     pytest.importorskip("ray")
-    began = time.monotonic()
-    with pytest.raises(InputError, match="no cluster answers"):
-        make_executor(1, "127.0.0.1:1")
-    assert time.monotonic() - began < 60.0
+    with pytest.raises(InputError, match=f"{address}.*no cluster answers"):
+        make_executor(1, address)
