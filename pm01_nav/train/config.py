@@ -97,7 +97,10 @@ class TrainConfig(FrozenModel):
             return given
         if given.get("algo", "ppo") != "ppo":
             raise ValueError("preset = quick: is for ppo alone")
-        return {**given, "ppo": {**stored_values("ppo_quick"), **given.get("ppo", {})}}
+        own = given.get("ppo", {})
+        if not isinstance(own, Mapping):
+            return given
+        return {**given, "ppo": {**stored_values("ppo_quick"), **own}}
 
     @model_validator(mode="after")
     def _ends(self) -> TrainConfig:

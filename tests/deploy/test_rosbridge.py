@@ -159,6 +159,7 @@ def test_a_bridge_that_hangs_is_left_nevertheless():
     link = RosbridgeLink("ws://127.0.0.1:9090", Topics())
     link._ros = Hanging()
     link.close()
+    assert link._ros is None
 
 
 @pytest.mark.parametrize("url", ["http://127.0.0.1:9090", "127.0.0.1:9090", "ws://"])

@@ -19,6 +19,11 @@ def test_a_preset_stands_below_what_is_given():
     assert TrainConfig.model_validate(stored).ppo == ppo
 
 
+def test_an_empty_section_beside_a_preset_is_refused_in_words():
+    with pytest.raises(ValidationError, match="ppo"):
+        TrainConfig.model_validate({"preset": "quick", "steps": 1, "ppo": None})
+
+
 def test_a_preset_is_for_ppo_alone():
     with pytest.raises(ValidationError, match="ppo alone"):
         TrainConfig.model_validate({"preset": "quick", "steps": 1, "algo": "sac"})
