@@ -95,7 +95,7 @@ class RayCluster:
             ray: Any = import_module("ray")
         except ImportError as error:
             raise InputError("ray: pip install 'pm01-nav[ray]'") from error
-        self._ray, self._retries = ray, retries
+        self.ray, self._retries = ray, retries
         if ray.is_initialized():
             return
         _knock(address)
@@ -111,8 +111,8 @@ class RayCluster:
 
     def run(self, function: Piece, arguments: Sequence[Any]) -> Iterator[Done]:
         """Call ``function`` with each argument; give the outcomes as they come."""
-        ray = self._ray
-        remote = ray.remote(num_cpus=1, max_retries=self._retries)(_checked)
+        ray = self.ray
+        remote = ray.remote(num_cpus=1, max_retries=self._retries)(checked)
         revision = git_revision()
         waiting = {remote.remote(function, a, revision): k for k, a in enumerate(arguments)}
         while waiting:
@@ -152,7 +152,7 @@ def make_executor(jobs: int, ray_address: str | None) -> Executor:
     return RayCluster(ray_address) if ray_address else LocalProcesses(jobs)
 
 
-def _checked(function: Piece, argument: Any, revision: str | None) -> Any:
+def checked(function: Piece, argument: Any, revision: str | None) -> Any:
     """Do a piece on a worker, if it has the same code.
 
     Raises:

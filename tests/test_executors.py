@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from pm01_nav.errors import InputError
-from pm01_nav.executors import LocalProcesses, _checked, make_executor
+from pm01_nav.executors import LocalProcesses, checked, make_executor
 
 
 def square(number: int) -> int:
@@ -34,7 +34,7 @@ def test_every_piece_is_done_once_and_a_killed_one_costs_itself():
 
 def test_worker_with_other_code_refuses():
     with pytest.raises(InputError, match="revision"):
-        _checked(square, 2, "0123456789ab")
+        checked(square, 2, "0123456789ab")
 
 
 def test_ray_that_is_not_there_is_said():

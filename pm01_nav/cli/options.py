@@ -22,8 +22,8 @@ def task_options(command: Command) -> Command:
                 "--task",
                 metavar="NAME",
                 help="Where to drive: static, empty, article, corridors, rooms, maze, u_traps, "
-                "crowd, warehouse, mixed, map (with --map), barn_like, barn and dynabarn "
-                "(with --worlds).",
+                "crowd, warehouse, mixed, map (with --map), barn_like, dynabarn_like, barn and "
+                "dynabarn (with --worlds).",
             ),
             click.option("--map", "map_", metavar="FILE", help="A ROS map's YAML, for task map."),
             click.option(

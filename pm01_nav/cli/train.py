@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 DEFAULT_TIME_BUDGET = 60.0
 FLAGS = ("algo", "preset", "learner", "device", "curriculum", "seed")
-FLAGS += ("time_budget", "steps", "track")
+FLAGS += ("time_budget", "steps", "track", "workers")
 """Options that are keys of ``train``."""
-KEPT_BY_RESUME = ("algo", "preset", "learner", "device", "curriculum", "seed")
+KEPT_BY_RESUME = ("algo", "preset", "learner", "device", "curriculum", "seed", "workers")
 
 
 OPTIONS = (
@@ -89,6 +89,18 @@ def training_options(command: Command) -> Command:
 @randomization_option
 @training_options
 @click.option("--seed", type=int, metavar="N", help="Seed of everything random. [default: 0]")
+@click.option(
+    "--workers",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Processes that collect the experience, beside the one that learns (ppo).",
+)
+@click.option(
+    "--ray",
+    "ray",
+    metavar="ADDRESS",
+    help="Put the workers on a Ray cluster (host:port, auto, or local to start one).",
+)
 @click.option("--out", metavar="DIR", help="Folder of the run; must be new or empty.")
 @click.option("--force", is_flag=True, help="Replace a run that is already in --out.")
 @click.option("--resume", metavar="DIR", help="Go on with a run as if it had never stopped.")
@@ -111,13 +123,14 @@ def command(**options: Any) -> None:
       pm01 train --config my.yaml --set train.ppo.gamma=0.97 --out runs/y
       pm01 train --resume runs/x --time-budget 120
       pm01 train --task static --device cuda --time-budget 15 --out runs/gpu
+      pm01 train --task mixed --backend mujoco --workers 8 --ray HOST:6379 --out runs/cluster
       pm01 train --task static --backend gazebo --n-envs 4 --time-budget 3600 --out runs/gazebo
     """
     from pm01_nav.errors import InputError
     from pm01_nav.train.run_folder import RunFolder
 
     resume, out = options.pop("resume"), options.pop("out")
-    force = options.pop("force")
+    force, ray = options.pop("force"), options.pop("ray")
     if resume:
         if out or force:
             raise InputError("--resume goes on in its own folder; leave --out and --force away")
@@ -126,19 +139,34 @@ def command(**options: Any) -> None:
         if not out:
             raise InputError("out: give --out DIR, the folder of the run")
         config = fresh_config(options)
+    if ray and config.train.workers is None:
+        raise InputError("--ray is for the workers; give --workers N as well")
     folder = RunFolder(resume or out)
-    run_training(config, folder, resume=bool(resume), force=force)
+    run_training(config, folder, resume=bool(resume), force=force, ray=ray)
 
 
 def run_training(
-    config: RunConfig, folder: Any, *, resume: bool = False, force: bool = False
+    config: RunConfig,
+    folder: Any,
+    *,
+    resume: bool = False,
+    force: bool = False,
+    ray: str | None = None,
 ) -> Any:
     """Train with a progress display; say what came of it."""
     from pm01_nav.cli.display import TrainingDisplay
     from pm01_nav.train.trainer import train
 
     with TrainingDisplay() as display:
-        result = train(config, folder, display, started_at=STARTED_AT, resume=resume, force=force)
+        result = train(
+            config,
+            folder,
+            display,
+            started_at=STARTED_AT,
+            resume=resume,
+            force=force,
+            ray=ray,
+        )
     ended = "interrupted" if result.interrupted else "done"
     click.echo(f"{ended}: {result.steps:,} steps in {result.seconds:.0f} s")
     if result.best_steps:

@@ -12,8 +12,8 @@ from pm01_nav.cli.worlds_export import export
 def command() -> None:
     """Look at the worlds of a suite, or write one for another simulator.
 
-    A suite is a family of generated worlds: empty, static, article, barn_like, corridors, rooms,
-    maze, u_traps, crowd, warehouse, or mixed, which draws from most of the others.
+    A suite is a family of generated worlds: empty, static, article, barn_like, dynabarn_like,
+    corridors, rooms, maze, u_traps, crowd, warehouse, or mixed, which draws from most of them.
     """
 
 

@@ -20,7 +20,8 @@ from pm01_nav.errors import InputError
 from pm01_nav.robot import NonNegative, Positive
 
 if TYPE_CHECKING:
-    from pm01_nav.task.navigation import Episodes, NavigationBatch
+    from pm01_nav.task.config import TaskConfig
+    from pm01_nav.task.navigation import Episodes
 
 FloatArray = NDArray[np.float64]
 Limits = tuple[float, float]
@@ -297,7 +298,33 @@ def make_curriculum(
     return Uniform(len(names))
 
 
-def apply(curriculum: Curriculum, batch: NavigationBatch) -> None:
+class DrawsEpisodes(Protocol):
+    """Whatever draws the worlds and goals of the next episodes."""
+
+    def draw_worlds(self, weights: FloatArray) -> None:
+        """Draw worlds in proportion to ``weights`` (num_worlds,) from now on."""
+        ...
+
+    def limit_goal_distance(self, limits: Limits) -> None:
+        """Set the least and the greatest distance from a start to its goal [m] from now on."""
+        ...
+
+
+class Practises(Protocol):
+    """A batch, as far as a curriculum must know it."""
+
+    @property
+    def config(self) -> TaskConfig:
+        """The task."""
+        ...
+
+    @property
+    def simulator(self) -> DrawsEpisodes:
+        """What draws its episodes."""
+        ...
+
+
+def apply(curriculum: Curriculum, batch: Practises) -> None:
     """Advance ``curriculum`` and let the next episodes of ``batch`` be drawn as it says."""
     curriculum.advance()
     batch.simulator.draw_worlds(curriculum.weights())

@@ -160,19 +160,24 @@ def map() -> TaskConfig:
 
 def _barn(suite: str, **changes: Any) -> TaskConfig:
     """The BARN challenge's robot, time limit and goal radius (sources: the Jackal's file)."""
-    return navigation(
-        suite,
-        robot="jackal",
+    settings: dict[str, Any] = {
+        "robot": "jackal",
         # The Jackal reverses at 2 m/s; half of all actions would be spent on what nobody needs.
-        robot_changes={"limits": {"linear_min": -0.5}},
-        time_limit_steps=1000,
-        goal_radius=1.0,
-        goal_distance=(0.0, None),
-        margin=0.03,
-        observation=ObservationConfig(sectors=72, range_max=5.0),
-        rewards=safe_rewards(0.1),
-        **changes,
-    )
+        "robot_changes": {"limits": {"linear_min": -0.5}},
+        "time_limit_steps": 1000,
+        "goal_radius": 1.0,
+        "goal_distance": (0.0, None),
+        "margin": 0.03,
+        "observation": ObservationConfig(sectors=72, range_max=5.0),
+        "rewards": safe_rewards(0.1),
+    }
+    return navigation(suite, **(settings | changes))
+
+
+def _dynabarn(suite: str) -> TaskConfig:
+    """The same among discs that come at up to 2 m/s: seen from afar, and how they move."""
+    observation = ObservationConfig(sectors=72, range_max=10.0, frames=FramesLayout())
+    return _barn(suite, observation=observation, rewards=safe_rewards(0.3))
 
 
 @task
@@ -188,6 +193,12 @@ def barn() -> TaskConfig:
 
 
 @task
+def dynabarn_like() -> TaskConfig:
+    """Generated halls of the DynaBARN kind, crossed by moving discs, to train on."""
+    return _dynabarn("dynabarn_like")
+
+
+@task
 def dynabarn() -> TaskConfig:
     """The DynaBARN worlds (``--worlds FILE.json``) of moving discs, for testing only."""
-    return _barn("dynabarn")
+    return _dynabarn("dynabarn")

@@ -16,15 +16,15 @@ import numpy as np
 import torch
 
 from pm01_nav.errors import InputError
-from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.train.environment import environment_state, restore_environment
 from pm01_nav.train.learner import Algorithm
+from pm01_nav.train.remote_batch import Batch
 
 FORMAT = 2
 
 
 def save_checkpoint(
-    path: Path, model: Any, algorithm: Algorithm, batch: NavigationBatch, extra: dict[str, Any]
+    path: Path, model: Any, algorithm: Algorithm, batch: Batch, extra: dict[str, Any]
 ) -> None:
     """Write all that a run needs to go on."""
     original = getattr(model, "_last_original_obs", None)
@@ -82,7 +82,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
 
 
 def restore(
-    data: dict[str, Any], path: Path, model: Any, algorithm: Algorithm, batch: NavigationBatch
+    data: dict[str, Any], path: Path, model: Any, algorithm: Algorithm, batch: Batch
 ) -> None:
     """Bring learner, environments and random numbers to where the checkpoint was taken.
 

@@ -72,6 +72,8 @@ class TrainConfig(FrozenModel):
     """Seconds between two checkpoints."""
     threads: Annotated[int, Field(ge=0)] = 0
     """Threads of the learner; 0 measures at the start which number is fastest."""
+    workers: Count | None = None
+    """Processes or machines that collect the experience, each with its share of the robots."""
     ppo: PPOConfig = PPOConfig.model_validate({})
     ppo_lstm: PPOLSTMConfig = PPOLSTMConfig.model_validate({})
     sac: SACConfig = SACConfig.model_validate({})
@@ -110,6 +112,8 @@ class TrainConfig(FrozenModel):
             raise ValueError(f"device = {self.device}: needs learner = rsl_rl")
         if self.learner == "rsl_rl":
             self._check_rsl_rl()
+        if self.workers is not None:
+            self._check_workers(self.workers)
         return self
 
     def _check_rsl_rl(self) -> None:
@@ -123,6 +127,18 @@ class TrainConfig(FrozenModel):
         for name in ("icm", "rnd"):
             if getattr(self, name) is not None:
                 raise ValueError(f"{name}: rsl_rl does not have it; give learner = sb3")
+
+    def _check_workers(self, workers: int) -> None:
+        if self.algo != "ppo" or self.learner != "sb3":
+            raise ValueError(f"workers = {workers}: they collect for algo ppo, learner sb3 alone")
+        # Their statistics would have to be shared step by step.
+        shared = {"ppo.norm_obs": self.ppo.norm_obs, "ppo.norm_reward": self.ppo.norm_reward}
+        shared |= {"icm": self.icm is not None, "rnd": self.rnd is not None}
+        for name, given in shared.items():
+            if given:
+                raise ValueError(f"{name}: cannot be had with workers")
+        if self.ppo.n_envs % workers:
+            raise ValueError(f"workers = {workers}: must divide ppo.n_envs = {self.ppo.n_envs}")
 
     @property
     def hyperparameters(self) -> AlgorithmConfig:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
@@ -18,7 +19,7 @@ from pm01_nav.envs.sb3_vec_env import NavVecEnv
 from pm01_nav.errors import InputError
 from pm01_nav.policy.export import greedy_policy
 from pm01_nav.task.curriculum import Curriculum, apply
-from pm01_nav.task.navigation import Episodes, NavigationBatch
+from pm01_nav.task.navigation import Episodes
 from pm01_nav.task.spinning import SpinMeter
 from pm01_nav.train.advice import findings
 from pm01_nav.train.budget import Budget
@@ -28,6 +29,7 @@ from pm01_nav.train.curiosity import intrinsic_rewards
 from pm01_nav.train.environment import observation_statistics
 from pm01_nav.train.history import History
 from pm01_nav.train.learner import Algorithm
+from pm01_nav.train.remote_batch import Batch
 from pm01_nav.train.run_folder import RunFolder
 
 EVALUATION_SEED = 1_000_003
@@ -74,7 +76,7 @@ class Supervision(BaseCallback):
         self,
         config: RunConfig,
         folder: RunFolder,
-        batch: NavigationBatch,
+        batch: Batch,
         curriculum: Curriculum,
         budget: Budget,
         progress: Progress,
@@ -118,12 +120,11 @@ class Supervision(BaseCallback):
         env = self.training_env.unwrapped
         assert isinstance(env, NavVecEnv)
         self.note(env.last_episodes)
-        self._watch_turning(env.last_episodes)
+        self.watch_turning(env.batch.simulator.state.pose[:WATCHED_ROBOTS], env.last_episodes)
         return True
 
-    def _watch_turning(self, episodes: Episodes | None) -> None:
-        """Follow some of the robots to see whether they spin."""
-        pose = self.batch.simulator.state.pose[:WATCHED_ROBOTS]
+    def watch_turning(self, pose: NDArray[np.float64], episodes: Episodes | None) -> None:
+        """Follow the first robots, now at ``pose`` (n, 3), to see whether they spin."""
         if self._spin is None:
             self._spin = SpinMeter(pose)
             return
@@ -255,7 +256,7 @@ class Supervision(BaseCallback):
         self._next_evaluation = state["next_evaluation"]
         self._warned = set(state["warned"])
         if state["spin"] is not None:
-            self._spin = SpinMeter(self.batch.simulator.state.pose[:WATCHED_ROBOTS])
+            self._spin = SpinMeter(np.zeros((len(state["spin"]["yaw"]), 3)))
             self._spin.load_state_dict(state["spin"])
 
     def result(self) -> TrainResult:

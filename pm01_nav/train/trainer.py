@@ -28,8 +28,10 @@ from pm01_nav.train.algorithms import algorithm
 from pm01_nav.train.budget import Budget
 from pm01_nav.train.checkpoint import load_checkpoint, restore
 from pm01_nav.train.config import RunConfig
+from pm01_nav.train.distributed import DistributedPPO
 from pm01_nav.train.environment import make_environment, stored_statistics
 from pm01_nav.train.networks import privileged
+from pm01_nav.train.remote_batch import Batch, RemoteBatch
 from pm01_nav.train.run_folder import RunFolder
 from pm01_nav.train.runtime import ThreadChoice, choose_threads, keep_freed_memory
 from pm01_nav.train.supervision import Progress, Supervision, TrainResult
@@ -47,11 +49,13 @@ def train(
     started_at: float,
     resume: bool = False,
     force: bool = False,
+    ray: str | None = None,
 ) -> TrainResult:
     """Train into ``folder`` and export its best policy at the end.
 
     Ctrl-C ends the run after the iteration under way, with everything saved; pressed twice, at
-    once. With ``resume`` the last checkpoint is the beginning.
+    once. With ``resume`` the last checkpoint is the beginning. ``ray`` is the cluster of the
+    workers that ``train.workers`` asks for; without it they are processes of this machine.
 
     Raises:
         InputError: worlds, robot or checkpoint are unusable, or there is no such device.
@@ -64,7 +68,8 @@ def train(
     compiled = _compiling(warm_up)
     batch, curriculum = _environments(config, arrays)
     # Worlds that move and robots with errors have kernels of their own.
-    compiled += _compiling(lambda: _try_out(batch))
+    if isinstance(batch, NavigationBatch):
+        compiled += _compiling(lambda: _try_out(batch))
     # Only now that nothing can be wrong any more a former run may be replaced.
     if resume:
         folder.store(config)
@@ -78,7 +83,7 @@ def train(
     budget = Budget(config, started_at + compiled, data["extra"]["seconds"] if data else 0.0)
     learns_by = algorithm(config.train.algo)
     supervision = Supervision(config, folder, batch, curriculum, budget, progress, learns_by)
-    model = _learner(config, folder, batch, budget)
+    model = _learner(config, folder, batch, budget, ray)
     if data is not None:
         _go_on(data, model, supervision)
     _announce(progress, compiled, threads)
@@ -95,7 +100,7 @@ def train(
     return supervision.result()
 
 
-def _environments(config: RunConfig, arrays: Arrays) -> tuple[NavigationBatch, Curriculum]:
+def _environments(config: RunConfig, arrays: Arrays) -> tuple[Batch, Curriculum]:
     """Make the robots in their worlds, and what chooses among these.
 
     Raises:
@@ -103,10 +108,15 @@ def _environments(config: RunConfig, arrays: Arrays) -> tuple[NavigationBatch, C
     """
     task = config.task
     if task.suite in ("barn", "dynabarn"):
-        raise InputError(f"task {task.suite} is for testing only; train on barn_like")
+        raise InputError(f"task {task.suite} is for testing only; train on {task.suite}_like")
     pool = world_pool(task, "train", task.num_worlds, config.train.seed)
-    chosen = config.train.hyperparameters
-    batch = NavigationBatch(task, pool, chosen.n_envs, arrays=arrays, privileged=privileged(chosen))
+    batch: Batch
+    if config.train.workers is not None:
+        batch = RemoteBatch(config)
+    else:
+        chosen = config.train.hyperparameters
+        more = privileged(chosen)
+        batch = NavigationBatch(task, pool, chosen.n_envs, arrays=arrays, privileged=more)
     names = [world.name for world in pool.worlds]
     settings = config.train
     curriculum = make_curriculum(settings.curriculum, settings.staged, settings.automatic, names)
@@ -114,7 +124,9 @@ def _environments(config: RunConfig, arrays: Arrays) -> tuple[NavigationBatch, C
     return batch, curriculum
 
 
-def _learner(config: RunConfig, folder: RunFolder, batch: NavigationBatch, budget: Budget) -> Any:
+def _learner(
+    config: RunConfig, folder: RunFolder, batch: Batch, budget: Budget, ray: str | None
+) -> Any:
     """Build the learner on its environments.
 
     Raises:
@@ -128,19 +140,26 @@ def _learner(config: RunConfig, folder: RunFolder, batch: NavigationBatch, budge
             raise InputError(
                 f"train.learner = 'rsl_rl': {error.name} is missing; pip install 'pm01-nav[gpu]'"
             ) from error
+        assert isinstance(batch, NavigationBatch)
         learner = RslRlLearner(config.train.ppo, batch, seed=seed, budget=budget)
         learner.logger = make_logger(config, folder)
         learner.begin()
         return learner
-    env = make_environment(config.train, batch)
 
     def learning_rate(_: float) -> float:
         spent = min(max(budget.fraction(), 0.0), 1.0)
         return chosen.learning_rate * (1.0 - (1.0 - chosen.learning_rate_final) * spent)
 
-    model = algorithm(config.train.algo).make(
-        chosen, env, batch.layout, seed=seed, learning_rate=learning_rate
-    )
+    if isinstance(batch, RemoteBatch):
+        model: Any = DistributedPPO(config, batch, learning_rate=learning_rate, ray=ray)
+    else:
+        model = algorithm(config.train.algo).make(
+            chosen,
+            make_environment(config.train, batch),
+            batch.layout,
+            seed=seed,
+            learning_rate=learning_rate,
+        )
     model.set_logger(make_logger(config, folder))
     return model
 
@@ -159,8 +178,7 @@ def _go_on(data: dict[str, Any], model: Any, supervision: Supervision) -> None:
         InputError: the checkpoint belongs to another run, or the run's budget is spent.
     """
     folder, budget = supervision.folder, supervision.budget
-    if isinstance(model, BaseAlgorithm):
-        assert model.env is not None
+    if isinstance(model, BaseAlgorithm) and model.env is not None:
         model.env.reset()
     restore(data, folder.last, model, supervision.algorithm, supervision.batch)
     supervision.load_state(data["extra"])

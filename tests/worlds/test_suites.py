@@ -14,6 +14,7 @@ from pm01_nav.worlds.suites import (
     SUITES,
     article,
     barn_like,
+    dynabarn_like,
     empty,
     static,
     suite_generator,
@@ -77,6 +78,23 @@ def test_article_leaves_the_start_clear() -> None:
         assert (np.hypot(x, y) - radius >= 0.8).all()
         assert ((radius >= 0.15) & (radius <= 0.4)).all()
         assert ((x > -1.5) & (x < 8.5) & (np.abs(y) < 3.5)).all()
+
+
+def test_dynabarn_like_is_shared_out_as_the_published_worlds() -> None:
+    worlds = draw(dynabarn_like, 200)
+    counts = [len(world.movers) for world in worlds]
+    assert 5 <= min(counts) <= 6
+    assert 23 <= max(counts) <= 24
+    for world in worlds:
+        assert len(world.polygons) == 3
+        for mover in world.movers:
+            # From one side of the hall to another, never outside.
+            ends = np.abs(mover.points[[0, -1]])
+            np.testing.assert_allclose(ends.max(axis=1), 10.0)
+            assert np.abs(mover.points).max() <= 10.0
+            way = np.hypot(*np.diff(mover.points, axis=0).T)
+            speed = way / np.diff(mover.times)
+            assert 0.5 * 0.9 - 1e-9 <= speed.min() <= speed.max() <= 1.9 * 1.1 + 1e-9
 
 
 def test_barn_like_has_the_walls_of_barn() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.suites.barn_like import barn_like
+from pm01_nav.worlds.suites.dynabarn_like import dynabarn_like
 from pm01_nav.worlds.suites.indoor import corridors, rooms
 from pm01_nav.worlds.suites.maze import maze
 from pm01_nav.worlds.suites.mixed import mixed
@@ -27,6 +28,7 @@ SUITES: dict[str, Generator] = {
     "static": static,
     "article": article,
     "barn_like": barn_like,
+    "dynabarn_like": dynabarn_like,
     "corridors": corridors,
     "rooms": rooms,
     "maze": maze,
@@ -86,6 +88,7 @@ __all__ = [
     "barn_like",
     "corridors",
     "crowd",
+    "dynabarn_like",
     "empty",
     "maze",
     "mixed",

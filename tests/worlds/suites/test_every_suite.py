@@ -89,7 +89,8 @@ def test_solid_things_lie_within_the_bounds(name: str, pools) -> None:
         assert ((centres >= low) & (centres <= high)).all()
 
 
-@pytest.mark.parametrize("name", sorted(SUITES))
+# Discs of dynabarn_like come out of the walls, as in the published worlds.
+@pytest.mark.parametrize("name", sorted(set(SUITES) - {"dynabarn_like"}))
 def test_movers_begin_and_head_for_free_places(name: str, pools, distance) -> None:
     for world in pools[name].worlds:
         for mover in world.movers:

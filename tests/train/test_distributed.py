@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Experience from workers: the same policy wherever they are, and whichever of them are killed."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+
+import pytest
+import torch
+
+from pm01_nav.train.config import TrainConfig
+from tests.train.progress import Quiet
+from tests.train.test_training import SAMPLES, config, curve, parameters, run
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """A run of four iterations with two workers of 16 robots each."""
+    folder = tmp_path_factory.mktemp("runs") / "whole"
+    run(config(4, workers=2), folder)
+    return folder
+
+
+class Killing(Quiet):
+    """Kill a worker with SIGKILL after the second iteration."""
+
+    killed = 0
+
+    def iteration(self, *arguments):
+        super().iteration(*arguments)
+        if self.iterations == 2:
+            os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
+            self.killed += 1
+
+
+def assert_same(one, other):
+    mine, theirs = parameters(one), parameters(other)
+    assert all(torch.equal(mine[name], theirs[name]) for name in mine)
+    assert curve(one) == curve(other)
+
+
+def test_experience_of_all_robots_is_learned_from(undisturbed):
+    history = curve(undisturbed)
+    assert history["steps"] == [SAMPLES, 2 * SAMPLES, 3 * SAMPLES, 4 * SAMPLES]
+    checkpoint = torch.load(undisturbed / "last.pt", weights_only=True)
+    assert checkpoint["last_obs"].shape[0] == 32
+    assert {name.split("/")[0] for name in checkpoint["batch"]} == {"0", "1"}
+    # Each worker's robots have random streams of their own.
+    assert not torch.equal(checkpoint["batch"]["0/pose"], checkpoint["batch"]["1/pose"])
+    assert (undisturbed / "policy.onnx").exists()
+
+
+def test_killed_worker_is_replaced_and_changes_nothing(undisturbed, tmp_path):
+    progress = Killing()
+    run(config(4, workers=2), tmp_path / "x", progress)
+    assert progress.killed == 1
+    assert_same(tmp_path / "x", undisturbed)
+
+
+def test_resumed_run_equals_the_uninterrupted_one(undisturbed, tmp_path):
+    stopped = run(config(4, workers=2), tmp_path / "x", Quiet(interrupt_after=2))
+    assert stopped.interrupted
+    run(config(4, workers=2), tmp_path / "x", resume=True)
+    assert_same(tmp_path / "x", undisturbed)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"algo": "sac"}, "algo ppo"),
+        ({"learner": "rsl_rl"}, "learner sb3"),
+        ({"icm": {}}, "icm"),
+        ({"ppo": {"norm_obs": True}}, "norm_obs"),
+        ({"workers": 3}, "must divide"),
+    ],
+)
+def test_what_workers_cannot_do_is_refused(changes, words):
+    with pytest.raises(ValueError, match=words):
+        TrainConfig.model_validate({"steps": 1, "workers": 2} | changes)
+
+
+@pytest.mark.slow
+def test_a_ray_node_that_is_killed_changes_nothing(undisturbed, tmp_path):
+    ray = pytest.importorskip("ray")
+    from ray.cluster_utils import Cluster
+
+    # A core each: both nodes have a worker, and the one that is killed needs another's place.
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    progress = Leaving(cluster, cluster.add_node(num_cpus=1))
+    try:
+        run(config(4, workers=2), tmp_path / "x", progress, ray=cluster.address)
+        progress.killer.join()
+        assert_same(tmp_path / "x", undisturbed)
+    finally:
+        ray.shutdown()
+        cluster.shutdown()
+
+
+class Leaving(Quiet):
+    """Kill a node of a cluster with SIGKILL while it is at work; another one comes."""
+
+    def __init__(self, cluster, node) -> None:
+        super().__init__()
+        self.killer = threading.Thread(target=self.replace, args=(cluster, node))
+
+    def replace(self, cluster, node) -> None:
+        cluster.remove_node(node, allow_graceful=False)
+        cluster.add_node(num_cpus=1)
+
+    def iteration(self, *arguments):
+        super().iteration(*arguments)
+        if self.iterations == 2:
+            self.killer.start()
