@@ -16,6 +16,7 @@ from report import write_report
 
 CASES: dict[str, list[str]] = {
     "ppo": [],
+    "ppo, rsl_rl": ["--learner", "rsl_rl"],
     "ppo_lstm": ["--algo", "ppo_lstm"],
     "sac": ["--algo", "sac"],
     "td3": ["--algo", "td3"],

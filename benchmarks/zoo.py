@@ -29,13 +29,14 @@ from pm01_nav.zoo import FOLDER
 TABLE = Path(__file__).parent / "results" / "benchmark.csv"
 
 
-def copy_policy(run: Path, target: Path, name: str) -> dict[str, Any]:
+def copy_policy(run: Path, target: Path, name: str, command: str | None) -> dict[str, Any]:
     """Copy the file; its command names no folder of the machine that made it."""
     model = onnx.load(run / "policy.onnx")
     for entry in model.metadata_props:
         if entry.key == METADATA_KEY:
             metadata = json.loads(entry.value)
-            metadata["command"] = re.sub(r"--out \S+", f"--out runs/{name}", metadata["command"])
+            typed = command or metadata["command"]
+            metadata["command"] = re.sub(r"--out \S+", f"--out runs/{name}", typed)
             entry.value = json.dumps(metadata)
     target.mkdir(exist_ok=True)
     write_atomically(target / "policy.onnx", model.SerializeToString())
@@ -91,13 +92,14 @@ def main() -> None:
     parser.add_argument("name")
     parser.add_argument("--run", type=Path, required=True)
     parser.add_argument("--summary", required=True)
+    parser.add_argument("--command", help="the run's, if what it typed named files elsewhere")
     parser.add_argument("--entry", help="take results from the benchmark's table")
     parser.add_argument("--evaluation", type=Path, nargs="*", default=[])
     parser.add_argument("--limit", action="append", default=[])
     parser.add_argument("--spin-episodes", type=int, default=256)
     options = parser.parse_args()
     target = FOLDER / options.name
-    metadata = copy_policy(options.run, target, options.name)
+    metadata = copy_policy(options.run, target, options.name, options.command)
     results = from_table(options.entry) if options.entry else []
     results += [result_of(json.loads(p.read_text(encoding="utf-8"))) for p in options.evaluation]
     training = ("command", "training_steps", "seed", "created", "git_revision", "machine")

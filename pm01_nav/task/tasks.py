@@ -183,7 +183,14 @@ def _dynabarn(suite: str) -> TaskConfig:
 @task
 def barn_like() -> TaskConfig:
     """Generated obstacle fields of the BARN kind, to train on."""
-    return _barn("barn_like")
+    # Dead ends of these fields kept robots going back and forth, and speed made them scrape.
+    rewards = safe_rewards(0.2) | {"collision": RewardTerm(weight=-200.0)}
+    rewards["proximity"] = rewards["proximity"].model_copy(update={"weight": -1.0})
+    # Both kinds of progress are paid: the ways are nearly straight.
+    rewards["path_progress"] = RewardTerm(weight=10.0)
+    rewards["revisiting"] = RewardTerm(weight=-0.25)
+    observation = ObservationConfig(sectors=72, range_max=5.0, trail=TrailLayout())
+    return _barn("barn_like", num_worlds=4096, rewards=rewards, observation=observation)
 
 
 @task
