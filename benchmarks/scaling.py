@@ -9,7 +9,9 @@ Ray nodes are of this machine, one core each, and drive pieces of 256 robots. It
 from __future__ import annotations
 
 import argparse
+import os
 import time
+from importlib import import_module
 from typing import Any
 
 import numba
@@ -59,10 +61,10 @@ def drive(_: int) -> int:
 
 def measure_ray(nodes: int) -> dict[str, Any]:
     """Drive ``PIECES`` pieces on a cluster of so many nodes of one core."""
-    import ray
-    from ray.cluster_utils import Cluster
-
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    ray: Any = import_module("ray")
+    cluster = import_module("ray.cluster_utils").Cluster(
+        initialize_head=True, head_node_args={"num_cpus": 1}
+    )
     for _ in range(nodes - 1):
         cluster.add_node(num_cpus=1)
     try:
@@ -84,7 +86,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=1.0)
     options = parser.parse_args()
     results: dict[str, Any] = {"task": "static", "unit": "environment steps/s"}
-    threads = sorted({1, min(2, numba.config.NUMBA_NUM_THREADS)})
+    threads = sorted({1, min(2, os.cpu_count() or 1)})
     results["one_process"] = [
         measure(num_envs, count, options.seconds)
         for num_envs in (64, 256, 1024, 4096, 16384, 65536)
