@@ -198,10 +198,10 @@ class RayHost:
         self._ray.kill(worker)
 
 
-def standing_workers(count: int, ray_address: str | None) -> StandingWorkers:
-    """Return workers on a Ray cluster if one is named, else processes of this machine.
+def make_host(ray_address: str | None) -> Host:
+    """Return a Ray cluster if one is named, else this machine; no worker is started yet.
 
     Raises:
         InputError: there is no such cluster.
     """
-    return StandingWorkers(RayHost(ray_address) if ray_address else LocalHost(), count)
+    return RayHost(ray_address) if ray_address else LocalHost()

@@ -14,7 +14,7 @@ import numpy as np
 from stable_baselines3 import PPO
 
 from pm01_nav.envs.spaces import action_space
-from pm01_nav.standing import StandingWorkers, standing_workers
+from pm01_nav.standing import Host, StandingWorkers
 from pm01_nav.task.navigation import Episodes
 from pm01_nav.train.config import RunConfig
 from pm01_nav.train.learner import Rate
@@ -29,7 +29,7 @@ class DistributedPPO(PPO):
     """SB3's PPO, but for where its experience comes from."""
 
     def __init__(
-        self, config: RunConfig, batch: RemoteBatch, *, learning_rate: Rate, ray: str | None
+        self, config: RunConfig, batch: RemoteBatch, *, learning_rate: Rate, host: Host
     ) -> None:
         """Build the learner; the workers are started by ``learn``."""
         settings = config.train.ppo
@@ -47,7 +47,7 @@ class DistributedPPO(PPO):
         self.action_space = action_space()
         self.n_envs = batch.num_envs
         self._setup_model()
-        self._config, self._batch, self._ray = config, batch, ray
+        self._config, self._batch, self._host = config, batch, host
         self._last_obs = np.zeros((self.n_envs, self.observation_space.shape[0]), np.float32)
         self._last_episode_starts = np.ones(self.n_envs, dtype=np.bool_)
 
@@ -55,10 +55,10 @@ class DistributedPPO(PPO):
         """Let workers collect and learn from it in turn, until ``callback`` has had enough.
 
         Raises:
-            InputError: there is no such cluster, or a worker cannot do its part.
+            InputError: a worker cannot do its part.
         """
         callback.watch(self)
-        with standing_workers(self._batch.workers, self._ray) as workers:
+        with StandingWorkers(self._host, self._batch.workers) as workers:
             while callback.between_iterations(self.num_timesteps):
                 rollouts = self._collect(workers)
                 self._report(callback, rollouts)

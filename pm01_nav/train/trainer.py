@@ -20,6 +20,7 @@ from pm01_nav.errors import InputError
 from pm01_nav.policy.export import export_policy, policy_metadata
 from pm01_nav.provenance import provenance
 from pm01_nav.sim.warm_up import warm_up
+from pm01_nav.standing import Host, make_host
 from pm01_nav.task.config import observation_layout
 from pm01_nav.task.curriculum import Curriculum, apply, make_curriculum
 from pm01_nav.task.navigation import NavigationBatch
@@ -58,7 +59,7 @@ def train(
     workers that ``train.workers`` asks for; without it they are processes of this machine.
 
     Raises:
-        InputError: worlds, robot or checkpoint are unusable, or there is no such device.
+        InputError: worlds, robot or checkpoint are unusable, or there is no such device or cluster.
     """
     keep_freed_memory()
     if not resume:
@@ -70,6 +71,7 @@ def train(
     # Worlds that move and robots with errors have kernels of their own.
     if isinstance(batch, NavigationBatch):
         compiled += _compiling(lambda: _try_out(batch))
+    host = make_host(ray)
     # Only now that nothing can be wrong any more a former run may be replaced.
     if resume:
         folder.store(config)
@@ -83,7 +85,7 @@ def train(
     budget = Budget(config, started_at + compiled, data["extra"]["seconds"] if data else 0.0)
     learns_by = algorithm(config.train.algo)
     supervision = Supervision(config, folder, batch, curriculum, budget, progress, learns_by)
-    model = _learner(config, folder, batch, budget, ray)
+    model = _learner(config, folder, batch, budget, host)
     if data is not None:
         _go_on(data, model, supervision)
     _announce(progress, compiled, threads)
@@ -124,9 +126,7 @@ def _environments(config: RunConfig, arrays: Arrays) -> tuple[Batch, Curriculum]
     return batch, curriculum
 
 
-def _learner(
-    config: RunConfig, folder: RunFolder, batch: Batch, budget: Budget, ray: str | None
-) -> Any:
+def _learner(config: RunConfig, folder: RunFolder, batch: Batch, budget: Budget, host: Host) -> Any:
     """Build the learner on its environments.
 
     Raises:
@@ -151,7 +151,7 @@ def _learner(
         return chosen.learning_rate * (1.0 - (1.0 - chosen.learning_rate_final) * spent)
 
     if isinstance(batch, RemoteBatch):
-        model: Any = DistributedPPO(config, batch, learning_rate=learning_rate, ray=ray)
+        model: Any = DistributedPPO(config, batch, learning_rate=learning_rate, host=host)
     else:
         model = algorithm(config.train.algo).make(
             chosen,

@@ -12,6 +12,7 @@ import threading
 import pytest
 import torch
 
+from pm01_nav.errors import InputError
 from pm01_nav.train.config import TrainConfig
 from tests.train.progress import Quiet
 from tests.train.test_training import SAMPLES, config, curve, parameters, run
@@ -81,6 +82,14 @@ def test_resumed_run_equals_the_uninterrupted_one(undisturbed, tmp_path):
 def test_what_workers_cannot_do_is_refused(changes, words):
     with pytest.raises(ValueError, match=words):
         TrainConfig.model_validate({"steps": 1, "workers": 2} | changes)
+
+
+def test_a_cluster_that_is_not_there_leaves_the_former_run_alone(undisturbed):
+    pytest.importorskip("ray")
+    before = parameters(undisturbed)
+    with pytest.raises(InputError, match="no cluster answers"):
+        run(config(4, workers=2), undisturbed, force=True, ray="127.0.0.1:1")
+    assert all(torch.equal(before[name], value) for name, value in parameters(undisturbed).items())
 
 
 @pytest.mark.slow
