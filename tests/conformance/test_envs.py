@@ -24,6 +24,7 @@ from pm01_nav.envs.vector_env import NavVectorEnv
 from pm01_nav.errors import InputError
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.trail import TrailLayout
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
 
@@ -127,7 +128,9 @@ def test_vector_environment_equals_single_ones(task: str) -> None:
         observations, rewards, terminated, truncated, infos = many.step(actions)
         for i, single in enumerate(singles):
             observation, reward, over, late, info = single.step(actions[i])
-            assert (reward, over, late) == (rewards[i], terminated[i], truncated[i])
+            # Nine terms of one robot and of many are not added up in the same order.
+            assert reward == pytest.approx(rewards[i], rel=1e-12, abs=1e-12)
+            assert (over, late) == (terminated[i], truncated[i])
             if over or late:
                 ended[i] += 1
                 assert infos["_final_obs"][i]
@@ -157,7 +160,9 @@ def test_observations_are_alive_and_in_the_space(task: str) -> None:
     assert np.isfinite(everything).all()
     assert ((everything >= space.low) & (everything <= space.high)).all()
     rows = everything.reshape(-1, everything.shape[-1])
-    assert (rows.max(axis=0) > rows.min(axis=0)).all()
+    # A trail shows places left long ago; robots that act at random leave none.
+    size = env.batch.layout.size - (TrailLayout().size if task == "barn_like" else 0)
+    assert (rows.max(axis=0) > rows.min(axis=0))[:size].all()
 
 
 @pytest.mark.parametrize("task", TASKS)
