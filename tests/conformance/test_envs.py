@@ -24,8 +24,8 @@ from pm01_nav.envs.vector_env import NavVectorEnv
 from pm01_nav.errors import InputError
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
-from pm01_nav.task.trail import TrailLayout
 from pm01_nav.task.tasks import task_config
+from pm01_nav.task.trail import TrailLayout
 from pm01_nav.task.worlds import world_pool
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
