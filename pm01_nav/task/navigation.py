@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from functools import reduce
+from operator import add
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,6 +89,14 @@ def features(config: TaskConfig, layout: ObservationLayout) -> Features:
         trail=TrailParams(**asdict(layout.trail)) if layout.trail else TrailParams(),
         path_distances="path_progress" in config.rewards,
     )
+
+
+def total(terms: Any) -> Any:
+    """Return the sum of reward terms, (num_terms, n) -> (n,), added up in the order of the table.
+
+    A library's sum would take another order for one robot than for many, and round otherwise.
+    """
+    return reduce(add, terms)
 
 
 class NavigationBatch:
@@ -222,7 +232,7 @@ class NavigationBatch:
             if self.autoreset:
                 self._begin(done, None)
                 observation[done] = self.observe(done)
-        reward = self.arrays.xp.sum(terms, axis=0)
+        reward = total(terms)
         return BatchStep(observation, reward, self._named(terms), terminated, truncated, episodes)
 
     def step_all(self, action: Any) -> MaskedStep:
@@ -237,11 +247,11 @@ class NavigationBatch:
         episode = (
             xp.asarray(self.simulator.state.world, copy=True),
             xp.asarray(self._count, copy=True),
-            xp.sum(sums, axis=0),
+            total(sums),
             sums,
         )
         self._begin_where(done)
-        reward = xp.sum(terms, axis=0)
+        reward = total(terms)
         return MaskedStep(self.observe(), reward, terminated, truncated, step.reached, *episode)
 
     def _play(self, action: Any) -> tuple[Step, Any, Any, Any]:
@@ -281,7 +291,7 @@ class NavigationBatch:
             success=step.reached[done],
             collision=step.collided[done],
             steps=self._count[done],
-            returns=self.arrays.xp.sum(self._term_sums[:, done], axis=0),
+            returns=total(self._term_sums[:, done]),
             terms=self._named(self._term_sums[:, done]),
             final_observation=observation[done],
             faults=step.faults,
