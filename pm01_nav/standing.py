@@ -13,11 +13,12 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from multiprocessing import get_context, parent_process
 from typing import Any, Protocol
 
 from pm01_nav.errors import InputError
-from pm01_nav.executors import Done, Piece, RayCluster, checked
+from pm01_nav.executors import Piece, RayCluster, checked
 from pm01_nav.provenance import git_revision
 
 REPLACEMENTS = 3
@@ -98,21 +99,17 @@ class StandingWorkers:
 
     def _finish(self, i: int, ticket: Any, function: Piece, anew: Callable[[int], Any]) -> Any:
         for _ in range(REPLACEMENTS + 1):
-            if (outcome := self._wait(ticket)) is not None:
+            with suppress(LostWorkerError):
+                if ticket is None:
+                    raise LostWorkerError
+                result = self._host.result(ticket)
                 self.fresh[i] = False
-                return outcome.result
+                return result
             self.replaced += 1
             self._host.stop(self._workers[i])
             self._workers[i] = self._host.start()
             ticket = self._begin(i, function, anew(i))
         raise InputError(f"worker {i}: was lost {REPLACEMENTS + 1} times in a row with one piece")
-
-    def _wait(self, ticket: Any) -> Done | None:
-        """Return how a piece ended, or None if its worker was lost."""
-        try:
-            return None if ticket is None else Done(0, self._host.result(ticket))
-        except LostWorkerError:
-            return None
 
 
 class LocalHost:

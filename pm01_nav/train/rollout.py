@@ -29,6 +29,10 @@ BUFFERED += ("values", "log_probs", "advantages", "returns")
 """Arrays of SB3's rollout buffer, each (n_steps, robots, ...)."""
 
 
+_blocks: dict[int, Block] = {}
+"""The robots that this process keeps, by the number of the first; it serves one run."""
+
+
 @dataclass(frozen=True)
 class Assignment:
     """A rollout to collect."""
@@ -156,7 +160,3 @@ class _Watch(BaseCallback):
         self.episodes.append(ended)
         self.poses.append(self._env.batch.simulator.state.pose[: self._watched].copy())
         return True
-
-
-_blocks: dict[int, Block] = {}
-"""The robots that this process keeps, by the number of the first; it serves one run."""
