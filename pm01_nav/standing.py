@@ -7,6 +7,7 @@ what it was doing is done again.
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import threading
@@ -14,6 +15,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
 from typing import Any, Protocol
 
@@ -21,6 +23,9 @@ from pm01_nav.errors import InputError
 from pm01_nav.executors import Piece, RayCluster, checked
 from pm01_nav.provenance import git_revision
 
+logger = logging.getLogger(__name__)
+PLACED_WITHIN_S = 20.0
+"""A cluster that has found no core for a worker by then has none that is free."""
 REPLACEMENTS = 3
 """A piece that has lost so many workers in a row is given up: it is the piece that kills them."""
 
@@ -158,9 +163,19 @@ class _Actor:
         """Do a piece, if this machine has the same code."""
         return checked(function, argument, revision)
 
+    def ready(self) -> None:
+        """Answer that the worker runs."""
+
+
+@dataclass
+class _RayWorker:
+    actor: Any
+    ready: Any
+    """Answered when the cluster has found a place for the actor, and asked for once."""
+
 
 class RayHost:
-    """Actors on a Ray cluster, one core each."""
+    """Actors on a Ray cluster, a core each; where none is free they share the cores of others."""
 
     def __init__(self, address: str) -> None:
         """Join the cluster.
@@ -169,15 +184,29 @@ class RayHost:
             InputError: Ray is not installed, or the cluster does not answer.
         """
         self._ray = RayCluster(address).ray
-        self._actor = self._ray.remote(num_cpus=1)(_Actor)
 
-    def start(self) -> Any:
+    def start(self) -> _RayWorker:
         """Return a fresh worker."""
-        return self._actor.remote()
+        return self._start(num_cpus=1)
 
-    def submit(self, worker: Any, function: Piece, argument: Any) -> Any:
+    def _start(self, num_cpus: int) -> _RayWorker:
+        actor = self._ray.remote(num_cpus=num_cpus)(_Actor).remote()
+        return _RayWorker(actor, actor.ready.remote())
+
+    def submit(self, worker: _RayWorker, function: Piece, argument: Any) -> Any:
         """Let a worker begin a piece."""
-        return worker.do.remote(function, argument, git_revision())
+        if worker.ready is not None:
+            self._find_place(worker)
+        return worker.actor.do.remote(function, argument, git_revision())
+
+    def _find_place(self, worker: _RayWorker) -> None:
+        """Wait for a core; Ray itself would wait for ever where a lost machine took the last."""
+        placed, _ = self._ray.wait([worker.ready], timeout=PLACED_WITHIN_S)
+        if not placed:
+            logger.warning("the cluster has no free core for a worker: it shares one with others")
+            self.stop(worker)
+            worker.actor = self._start(num_cpus=0).actor
+        worker.ready = None
 
     def result(self, ticket: Any) -> Any:
         """Wait for the outcome of a piece."""
@@ -190,9 +219,9 @@ class RayHost:
         except self._ray.exceptions.RayError as error:
             raise LostWorkerError from error
 
-    def stop(self, worker: Any) -> None:
+    def stop(self, worker: _RayWorker) -> None:
         """End a worker."""
-        self._ray.kill(worker)
+        self._ray.kill(worker.actor)
 
 
 def make_host(ray_address: str | None) -> Host:

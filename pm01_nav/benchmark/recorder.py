@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.people import mover_gaps
 from pm01_nav.task.terminations import out_of_time
 from pm01_nav.worlds.mover_arrays import PEDESTRIAN
 
@@ -167,12 +168,9 @@ class Recorder:
         """Tell which robots of the batch have a pedestrian in their personal space."""
         state, arrays = batch.simulator.state, batch.simulator.pool.arrays
         rows = arrays.mover_begin[state.world][:, None] + np.arange(state.mover_radius.shape[1])
-        present = rows < arrays.mover_begin[state.world + 1][:, None]
         kind = arrays.mover_kind[np.minimum(rows, len(arrays.mover_kind) - 1)]
-        offset = state.mover_position - state.pose[:, None, :2]
-        radius = batch.robot.footprint.circumscribed_radius
-        gap = np.hypot(offset[..., 0], offset[..., 1]) - state.mover_radius - radius
-        return (present & (kind == PEDESTRIAN) & (gap < PERSONAL_SPACE)).any(axis=1)
+        gap = mover_gaps(state, batch.robot.footprint.circumscribed_radius)
+        return ((kind == PEDESTRIAN) & (gap < PERSONAL_SPACE)).any(axis=1)
 
     def results(
         self, world: NDArray[np.int64], shortest: FloatArray, reference: FloatArray

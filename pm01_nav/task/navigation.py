@@ -18,6 +18,7 @@ from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.frames import FrameStack
 from pm01_nav.task.observation import ObservationLayout, build_observation, show_ranges
+from pm01_nav.task.people import nearest_mover
 from pm01_nav.task.privileged import Privileged
 from pm01_nav.task.rewards import REWARDS
 from pm01_nav.task.step import Step
@@ -188,7 +189,7 @@ class NavigationBatch:
     def advance(self, command: NDArray[np.float64]) -> Step:
         """Apply commands (num_envs, 2) [m/s, rad/s] and judge the outcome; nothing is reset."""
         state = self.simulator.state
-        xp = self.arrays.xp
+        xp, radius = self.arrays.xp, self.robot.footprint.circumscribed_radius
         before = xp.asarray(state.goal_polar[:, 0], copy=True)
         path_before = xp.asarray(state.path_distance, copy=True)
         self.simulator.step(command)
@@ -201,6 +202,7 @@ class NavigationBatch:
             twist=state.twist,
             command=command,
             read_scan=self.simulator.true_scan,
+            read_mover_gap=lambda: nearest_mover(state, radius),
             clearance=state.clearance,
             contact=state.contact,
             goal_distance=state.goal_polar[:, 0],

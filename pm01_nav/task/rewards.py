@@ -74,8 +74,17 @@ def heading(step: Step) -> Any:
 @reward_term
 def proximity(step: Step, distance: float = 0.2) -> Any:
     """How deep the nearest obstacle intrudes into a margin around the footprint, 0 to 1."""
-    near = 1.0 - step.clearance / distance
-    return step.xp.minimum(step.xp.maximum(near, 0.0), 1.0)
+    return _intrusion(step, step.clearance, distance)
+
+
+@reward_term
+def personal_space(step: Step, distance: float = 0.5) -> Any:
+    """How deep the robot intrudes into a margin between it and the nearest mover, 0 to 1."""
+    return _intrusion(step, step.mover_gap, distance)
+
+
+def _intrusion(step: Step, gap: Any, margin: float) -> Any:
+    return step.xp.minimum(step.xp.maximum(1.0 - gap / margin, 0.0), 1.0)
 
 
 @reward_term

@@ -25,6 +25,8 @@ class Step:
     """Commanded v, w [m/s, rad/s], shape (num_envs, 2)."""
     read_scan: Any
     """Function that returns ``scan``; it is cast only where it is asked for."""
+    read_mover_gap: Any
+    """Function that returns ``mover_gap``."""
     clearance: Any
     """From the footprint to the nearest obstacle [m], shape (num_envs,)."""
     contact: Any
@@ -63,3 +65,8 @@ class Step:
     def nearest_return(self) -> Any:
         """Nearest range of the scan [m], shape (num_envs,)."""
         return self.xp.min(self.scan, axis=-1)
+
+    @cached_property
+    def mover_gap(self) -> Any:
+        """From the circle around the footprint to the nearest mover [m], shape (num_envs,)."""
+        return self.read_mover_gap()

@@ -24,7 +24,9 @@ def step(**values: Any) -> Step:
     fields |= {"goal_distance": [1.0], "goal_bearing": [0.0], "previous_goal_distance": [1.0]}
     fields |= {"path_distance": [1.5], "previous_path_distance": [1.5]}
     fields |= values
+    gap = fields.pop("mover_gap", None)
     rows = {name: None if v is None else np.array(v) for name, v in fields.items()}
+    rows["read_mover_gap"] = lambda: np.array(gap)
     return Step(xp=np, **rows)
 
 
@@ -54,6 +56,13 @@ def step(**values: Any) -> Step:
             {"goal_bearing": [0.0, np.pi / 2, -np.pi / 2, -np.pi]},
             {},
             [1.0, 0.5, 0.5, 0.0],
+        ),
+        # A mover that is not there is infinitely far away.
+        (
+            "personal_space",
+            {"mover_gap": [-0.1, 0.0, 0.25, 0.5, np.inf]},
+            {},
+            [1.0, 1.0, 0.5, 0.0, 0.0],
         ),
         # 0 from the margin outwards, 1 in contact, and even between.
         (

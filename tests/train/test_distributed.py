@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import threading
+from collections.abc import Callable
 
 import pytest
 import torch
@@ -92,39 +93,58 @@ def test_a_cluster_that_is_not_there_leaves_the_former_run_alone(undisturbed):
     assert all(torch.equal(before[name], value) for name, value in parameters(undisturbed).items())
 
 
-@pytest.mark.slow
-def test_worker_killed_on_a_cluster_of_two_nodes_changes_nothing(undisturbed, tmp_path):
+@pytest.fixture
+def cluster():
+    """A cluster of two nodes with a core each, so that both have a worker."""
     ray = pytest.importorskip("ray")
     from ray.cluster_utils import Cluster
 
-    # A core each, so that both nodes have a worker.
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
-    cluster.add_node(num_cpus=1)
-    try:
-        progress = KillingActor()
-        run(config(4, workers=2), tmp_path / "x", progress, ray=cluster.address)
-        progress.killer.join()
-        assert progress.killed
-        assert_same(tmp_path / "x", undisturbed)
-    finally:
-        ray.shutdown()
-        cluster.shutdown()
+    yield cluster, cluster.add_node(num_cpus=1)
+    ray.shutdown()
+    cluster.shutdown()
 
 
-class KillingActor(Quiet):
-    """Kill the youngest of Ray's workers with SIGKILL during the third iteration."""
+@pytest.mark.slow
+def test_worker_killed_on_a_cluster_of_two_nodes_changes_nothing(undisturbed, tmp_path, cluster):
+    progress = Disturbing(kill_youngest_actor)
+    run(config(4, workers=2), tmp_path / "x", progress, ray=cluster[0].address)
+    progress.timer.join()
+    assert progress.disturbed
+    assert_same(tmp_path / "x", undisturbed)
 
-    def __init__(self) -> None:
+
+@pytest.mark.slow
+def test_lost_node_changes_nothing_though_no_core_is_left(undisturbed, tmp_path, cluster, caplog):
+    both, second = cluster
+    progress = Disturbing(lambda: both.remove_node(second, allow_graceful=False))
+    run(config(4, workers=2), tmp_path / "x", progress, ray=both.address)
+    progress.timer.join()
+    assert progress.disturbed
+    assert "no free core" in caplog.text
+    assert_same(tmp_path / "x", undisturbed)
+
+
+def kill_youngest_actor() -> None:
+    """Kill one of Ray's workers with SIGKILL."""
+    found = subprocess.run(["pgrep", "-n", "-f", "ray::_Actor"], capture_output=True, text=True)
+    os.kill(int(found.stdout), signal.SIGKILL)
+
+
+class Disturbing(Quiet):
+    """Do something during the third iteration."""
+
+    def __init__(self, something: Callable[[], None]) -> None:
         super().__init__()
-        self.killer = threading.Timer(0.02, self.kill)
-        self.killed = False
+        self.something = something
+        self.timer = threading.Timer(0.02, self.disturb)
+        self.disturbed = False
 
-    def kill(self) -> None:
-        found = subprocess.run(["pgrep", "-n", "-f", "ray::_Actor"], capture_output=True, text=True)
-        os.kill(int(found.stdout), signal.SIGKILL)
-        self.killed = True
+    def disturb(self) -> None:
+        self.something()
+        self.disturbed = True
 
     def iteration(self, *arguments):
         super().iteration(*arguments)
         if self.iterations == 2:
-            self.killer.start()
+            self.timer.start()
