@@ -35,6 +35,7 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=60.0)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--episodes", type=int, default=1000)
+    parser.add_argument("--eval-every", type=int, default=100_000, help="steps")
     parser.add_argument("--cases", nargs="*", default=list(CASES))
     options = parser.parse_args()
     runs: list[dict[str, Any]] = []
@@ -42,7 +43,7 @@ def main() -> None:
         for seed in range(options.seeds):
             for k, case in enumerate(options.cases):
                 path = Path(folder) / f"{k}_{seed}"
-                extra = [*CASES[case], "--set", "train.threads=1"]
+                extra = [*CASES[case], "--set", f"train.eval_every={options.eval_every}"]
                 found = run(options.task, options.budget, seed, options.episodes, path, extra)
                 found["steps_per_second"] = round(found["steps"] / options.budget)
                 runs.append({"case": case} | found)

@@ -18,6 +18,10 @@ from typing import Any
 
 from report import write_report
 
+from pm01_nav.train.statistics import time_to
+
+LEVELS = (0.95, 0.99)
+"""The time at which an evaluation on the way first shows these rates of success is told."""
 PM01 = str(Path(sys.executable).with_name("pm01"))
 
 
@@ -47,6 +51,12 @@ def run(
         "steps": int(history.get("steps", [0])[-1]),
         "command_s": round(seconds, 1),
         **{key: summary[key] for key in keys},
+        **{
+            f"seconds_to_{100 * level:g}": time_to(
+                history["eval_success_rate"], history["eval_seconds"], level
+            )
+            for level in LEVELS
+        },
     }
 
 

@@ -27,7 +27,8 @@ def summarize(results: EpisodeResults, config: TaskConfig) -> dict[str, Any]:
     won = results.success
     failed = results.failure != ""
     timeout = ~(won | results.collision | failed)
-    known = np.isfinite(results.shortest_path)
+    known, crowded = np.isfinite(results.shortest_path), np.isfinite(results.intrusion)
+    steps = results.steps
     summary: dict[str, Any] = {"task": config.name, "robot": config.robot, "episodes": n}
     for name, outcome in (
         ("success_rate", won),
@@ -43,15 +44,15 @@ def summarize(results: EpisodeResults, config: TaskConfig) -> dict[str, Any]:
         "spl": spl(won[known], results.shortest_path[known], results.path_length[known])
         if known.any()
         else None,
-        "time_to_goal_s": _mean(results.steps[won] * config.control_dt),
+        "time_to_goal_s": _mean(steps[won] * config.control_dt),
         "path_length_m": _mean(results.path_length[won]),
         "min_clearance_m": _mean(results.min_clearance),
         "mean_clearance_m": _mean(results.mean_clearance),
         "mean_jerk": _mean(results.jerk),
         "turn_reversals_per_min": _mean(results.turn_reversals),
-        "personal_space_intrusion": _mean(
-            results.intrusion[np.isfinite(results.intrusion)],
-        ),
+        "personal_space_intrusion": _mean(results.intrusion[crowded]),
+        # A share alone would flatter who takes long.
+        "personal_space_time_s": _mean(config.control_dt * (results.intrusion * steps)[crowded]),
     }
     if np.isfinite(results.reference_path).all():
         summary |= summarize_barn(results)

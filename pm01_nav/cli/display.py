@@ -115,6 +115,7 @@ def results_table(columns: dict[str, dict[str, Any]], title: str) -> Table:
         ("mean jerk", "mean_jerk", " m/s^3"),
         ("turns to the other side", "turn_reversals_per_min", " /min"),
         ("steps close to pedestrians", "personal_space_intrusion", ""),
+        ("time close to pedestrians", "personal_space_time_s", " s"),
         ("BARN score 2024 (of 0.5)", "barn_score_2024", ""),
         ("BARN score 2022 (of 0.25)", "barn_score_2022", ""),
         ("DynaBARN as published (of 0.125)", "dynabarn_score_as_published", ""),

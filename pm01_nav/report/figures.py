@@ -36,6 +36,7 @@ FIGURES = (
     Figure("mean_jerk", "Mean jerk", "m/s³", 2),
     Figure("turn_reversals_per_min", "Turn reversals", "1/min", 1),
     Figure("personal_space_intrusion", "Close to\N{NO-BREAK SPACE}people", "% of steps", 1, 100.0),
+    Figure("personal_space_time_s", "Close to\N{NO-BREAK SPACE}people", "s an episode", 1),
     Figure("compute_ms_median", "Compute median", "ms", 2),
     Figure("compute_ms_p99", "Compute p99", "ms", 2),
     Figure("barn_score_2024", "BARN 2024", "of 0.5", 3),
