@@ -122,10 +122,10 @@ class RayCluster:
 
 
 def _knock(address: str) -> None:
-    """See whether anything listens at ``host:port``: Ray itself asks for minutes, then aborts.
+    """See whether a cluster answers at ``host:port``: Ray itself asks for minutes, then aborts.
 
     Raises:
-        InputError: nothing does.
+        InputError: none does.
     """
     host, colon, port = address.rpartition(":")
     if not (colon and port.isdigit()):
@@ -134,12 +134,20 @@ def _knock(address: str) -> None:
         socket.create_connection((host.strip("[]"), int(port)), ANSWERS_WITHIN_S).close()
     except (OSError, OverflowError) as error:
         raise _no_answer(address, error) from error
+    # Something listens; only Ray can tell whether it is Ray, and a process of its own can be ended.
+    status = [sys.executable, "-m", "ray.scripts.scripts", "status", "--address", address]
+    try:
+        subprocess.run(status, check=True, capture_output=True, timeout=ANSWERS_WITHIN_S)
+    except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
+        reason = OSError(f"what listens there gave no status within {ANSWERS_WITHIN_S:g} s")
+        raise _no_answer(address, reason) from error
 
 
 def _no_answer(address: str, error: Exception) -> InputError:
     reason = " ".join(str(error).split())[:200]
     return InputError(
-        f"ray = {address!r}: no cluster answers: {reason}; `ray start --head` starts one"
+        f"ray = {address!r}: no cluster answers: {reason}; `ray start --head` starts one, "
+        "and RAY_AUTH_MODE=token joins one that wants a token"
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -126,3 +127,13 @@ def test_an_address_that_does_not_answer_is_said_in_time(address):
     pytest.importorskip("ray")
     with pytest.raises(InputError, match=f"{address}.*no cluster answers"):
         make_executor(1, address)
+
+
+def test_a_port_of_something_else_is_said_in_time(monkeypatch):
+    """A server that takes connections and never answers."""
+    pytest.importorskip("ray")
+    monkeypatch.setattr("pm01_nav.executors.ANSWERS_WITHIN_S", 3.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(InputError, match=f"{address}.*no status within 3 s"):
+            make_executor(1, address)
