@@ -185,11 +185,18 @@ def run_config(task: Any, train_settings: dict[str, Any], source: str) -> RunCon
         InputError: a key is unknown or a value not allowed.
     """
     from pm01_nav.config import merge, validate
-    from pm01_nav.train.config import RunConfig, backend_defaults, device_defaults
+    from pm01_nav.train.config import (
+        RunConfig,
+        algorithm_defaults,
+        backend_defaults,
+        device_defaults,
+    )
 
     device = train_settings.get("device") or "cpu"
-    defaults = merge(device_defaults(device), backend_defaults(task.backend))
-    settings = merge(defaults, train_settings)
+    defaults = merge(
+        algorithm_defaults(train_settings.get("algo") or "ppo"), device_defaults(device)
+    )
+    settings = merge(merge(defaults, backend_defaults(task.backend)), train_settings)
     if settings.get("steps") is None and settings.get("time_budget") is None:
         settings["time_budget"] = DEFAULT_TIME_BUDGET
     return validate(RunConfig, {"task": task.model_dump(), "train": settings}, source)

@@ -6,6 +6,8 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
+from pm01_nav.cli.train import run_config
+from pm01_nav.task.tasks import task_config
 from pm01_nav.train.config import TrainConfig
 
 
@@ -27,3 +29,11 @@ def test_an_empty_section_beside_a_preset_is_refused_in_words():
 def test_a_preset_is_for_ppo_alone():
     with pytest.raises(ValidationError, match="ppo alone"):
         TrainConfig.model_validate({"preset": "quick", "steps": 1, "algo": "sac"})
+
+
+def test_off_policy_runs_are_looked_at_more_often_unless_told_otherwise():
+    task = task_config("static")
+    assert run_config(task, {"steps": 1}, "test").train.eval_every == 1_000_000
+    assert run_config(task, {"steps": 1, "algo": "td3"}, "test").train.eval_every == 100_000
+    own = {"steps": 1, "algo": "td3", "eval_every": 7}
+    assert run_config(task, own, "test").train.eval_every == 7
