@@ -11,6 +11,9 @@ import click
 from pm01_nav.cli.options import randomization_option, ray_option, task_options
 from pm01_nav.cli.train import fresh_config, training_options
 
+EVAL_EVERY = 250_000
+"""Steps between two points of a learning curve, which `pm01 train` alone needs less densely."""
+
 
 @click.command("sweep", short_help="Train with many seeds and report what they show together.")
 @task_options
@@ -61,7 +64,7 @@ def command(
     from pm01_nav.rendering.sweep_plot import plot_sweep
     from pm01_nav.train.sweep import SeedJob, Sweep
 
-    config = fresh_config(options)
+    config = fresh_config(options, {"eval_every": EVAL_EVERY})
     threads = 1 if jobs > 1 or ray_address else 0
     job = SeedJob(to_yaml(config.model_dump(mode="json")), 0, suites, episodes, 1, threads)
     sweep = Sweep(Path(out), config, range(first_seed, first_seed + seeds))

@@ -178,8 +178,12 @@ def run_training(
     return result
 
 
-def run_config(task: Any, train_settings: dict[str, Any], source: str) -> RunConfig:
+def run_config(
+    task: Any, train_settings: dict[str, Any], source: str, defaults: dict[str, Any] | None = None
+) -> RunConfig:
     """Return a run's whole configuration; without any end it gets the default time budget.
+
+    ``defaults`` stand below all others.
 
     Raises:
         InputError: a key is unknown or a value not allowed.
@@ -192,18 +196,23 @@ def run_config(task: Any, train_settings: dict[str, Any], source: str) -> RunCon
         device_defaults,
     )
 
-    device = train_settings.get("device") or "cpu"
-    defaults = merge(
-        algorithm_defaults(train_settings.get("algo") or "ppo"), device_defaults(device)
-    )
-    settings = merge(merge(defaults, backend_defaults(task.backend)), train_settings)
+    settings = defaults or {}
+    for more in (
+        algorithm_defaults(train_settings.get("algo") or "ppo"),
+        device_defaults(train_settings.get("device") or "cpu"),
+        backend_defaults(task.backend),
+        train_settings,
+    ):
+        settings = merge(settings, more)
     if settings.get("steps") is None and settings.get("time_budget") is None:
         settings["time_budget"] = DEFAULT_TIME_BUDGET
     return validate(RunConfig, {"task": task.model_dump(), "train": settings}, source)
 
 
-def fresh_config(options: dict[str, Any]) -> RunConfig:
+def fresh_config(options: dict[str, Any], defaults: dict[str, Any] | None = None) -> RunConfig:
     """Return the configuration that the options of a new run describe; they are used up.
+
+    ``defaults`` are settings of ``train`` that anything else goes before.
 
     Raises:
         InputError: something is unknown or not allowed.
@@ -219,7 +228,7 @@ def fresh_config(options: dict[str, Any]) -> RunConfig:
     settings = merge(settings, {k: v for k, v in flags.items() if v is not None})
     if n_envs is not None:
         settings = merge(settings, {settings.get("algo") or "ppo": {"n_envs": n_envs}})
-    return run_config(task, settings, options["config_file"] or "configuration")
+    return run_config(task, settings, options["config_file"] or "configuration", defaults)
 
 
 def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:

@@ -83,10 +83,6 @@ def personal_space(step: Step, distance: float = 0.5) -> Any:
     return _intrusion(step, step.mover_gap, distance)
 
 
-def _intrusion(step: Step, gap: Any, margin: float) -> Any:
-    return step.xp.minimum(step.xp.maximum(1.0 - gap / margin, 0.0), 1.0)
-
-
 @reward_term
 def revisiting(step: Step) -> Any:
     """1 at a place that the robot had left, 0 away from all such places (``trail.near``)."""
@@ -97,3 +93,7 @@ def revisiting(step: Step) -> Any:
 def jerkiness(step: Step) -> Any:
     """Squared change of the action since the last step, summed over both parts."""
     return step.xp.sum((step.action - step.previous_action) ** 2, axis=-1)
+
+
+def _intrusion(step: Step, gap: Any, margin: float) -> Any:
+    return step.xp.minimum(step.xp.maximum(1.0 - gap / margin, 0.0), 1.0)

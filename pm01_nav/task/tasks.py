@@ -137,7 +137,14 @@ def u_traps() -> TaskConfig:
 @task
 def crowd() -> TaskConfig:
     """A lightly furnished room with about ten pedestrians."""
-    return _winding("crowd")
+    config = _winding("crowd", num_worlds=4096)
+    # Who makes way for people scrapes the furniture: of 96 collisions 94 were with what stands.
+    dearer = {
+        "collision": RewardTerm(weight=-400.0),
+        "proximity": RewardTerm(weight=-2.0, params={"distance": 0.25}),
+        "personal_space": RewardTerm(weight=-0.5),
+    }
+    return config.model_copy(update={"rewards": config.rewards | dearer})
 
 
 @task

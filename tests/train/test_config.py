@@ -35,5 +35,9 @@ def test_off_policy_runs_are_looked_at_more_often_unless_told_otherwise():
     task = task_config("static")
     assert run_config(task, {"steps": 1}, "test").train.eval_every == 1_000_000
     assert run_config(task, {"steps": 1, "algo": "td3"}, "test").train.eval_every == 100_000
+    # What a command wants stands below both.
+    below = {"eval_every": 5}
+    assert run_config(task, {"steps": 1}, "test", below).train.eval_every == 5
+    assert run_config(task, {"steps": 1, "algo": "td3"}, "test", below).train.eval_every == 100_000
     own = {"steps": 1, "algo": "td3", "eval_every": 7}
-    assert run_config(task, own, "test").train.eval_every == 7
+    assert run_config(task, own, "test", below).train.eval_every == 7
