@@ -27,8 +27,6 @@ from pm01_nav.train.curiosity_config import ICMConfig, RNDConfig
 from pm01_nav.train.hyperparameters import stored_values
 
 AlgorithmName = Literal["ppo", "ppo_lstm", "sac", "td3", "tqc"]
-
-
 OFF_POLICY = ("sac", "td3", "tqc")
 
 
