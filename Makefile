@@ -40,8 +40,8 @@ format: $(VENV)/.dev  ## mend what can be mended by machine
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(VENV)/.dev  ## measure speed into benchmarks/results
-	$(BIN)/python benchmarks/speed.py --out benchmarks/results/speed.json
+bench: $(VENV)/.dev  ## measure the simulator's speed into runs/throughput.json
+	$(BIN)/python benchmarks/throughput.py --out runs/throughput.json
 
 clean:  ## remove the environment and all runs
 	rm -rf $(VENV) runs

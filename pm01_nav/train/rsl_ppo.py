@@ -77,8 +77,8 @@ class RslRlLearner:
             self._publish()
 
     def _update(self) -> None:
-        spent = min(self._budget.fraction(), 1.0)
-        rate = self.config.learning_rate * (1.0 - (1.0 - self.config.learning_rate_final) * spent)
+        left = 1.0 - (1.0 - self.config.learning_rate_final) * self._budget.learning_fraction()
+        rate = self.config.learning_rate * left
         for group in self._algorithm.optimizer.param_groups:
             group["lr"] = rate
         losses = self._algorithm.update()

@@ -233,6 +233,7 @@ class Supervision(BaseCallback):
             "best": self.best,
             "next_evaluation": self._next_evaluation,
             "seconds": self.budget.seconds,
+            "learning_since": self.budget.learning_since,
             "spin": self._spin.state_dict() if self._spin else None,
             "warned": sorted(self._warned),
         }

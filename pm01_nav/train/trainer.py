@@ -86,7 +86,9 @@ def train(
     learns_by = algorithm(config.train.algo)
     supervision = Supervision(config, folder, batch, curriculum, budget, progress, learns_by)
     model = _learner(config, folder, batch, budget, host)
-    if data is not None:
+    if data is None:
+        budget.learning_since = budget.seconds
+    else:
         _go_on(data, model, supervision)
     _announce(progress, compiled, threads)
     with _stop_on_interrupt(supervision.interrupted.set):
@@ -147,8 +149,8 @@ def _learner(config: RunConfig, folder: RunFolder, batch: Batch, budget: Budget,
         return learner
 
     def learning_rate(_: float) -> float:
-        spent = min(max(budget.fraction(), 0.0), 1.0)
-        return chosen.learning_rate * (1.0 - (1.0 - chosen.learning_rate_final) * spent)
+        left = 1.0 - (1.0 - chosen.learning_rate_final) * budget.learning_fraction()
+        return chosen.learning_rate * left
 
     if isinstance(batch, RemoteBatch):
         model: Any = DistributedPPO(config, batch, learning_rate=learning_rate, host=host)
@@ -183,6 +185,7 @@ def _go_on(data: dict[str, Any], model: Any, supervision: Supervision) -> None:
     restore(data, folder.last, model, supervision.algorithm, supervision.batch)
     supervision.load_state(data["extra"])
     budget.steps_done = model.num_timesteps
+    budget.learning_since = data["extra"]["learning_since"]
     if budget.fraction() >= 1.0:
         raise InputError(
             f"{folder.path}: is finished ({budget.steps_done:,} steps, "
