@@ -83,7 +83,10 @@ def _first_problem(model: type[BaseModel], error: ValidationError, inside: str) 
         return f"{key}: is missing"
     others = error.error_count() - 1
     more = f" (and {others} more)" if others else ""
-    return f"{key} = {problem['input']!r}: {message[:1].lower()}{message[1:]}{more}"
+    # Where values of a section do not go together the message names them; it has a hundred more.
+    whole = problem["type"] == "value_error" and isinstance(problem["input"], Mapping)
+    value = "" if whole else f" = {problem['input']!r}"
+    return f"{key}{value}: {message[:1].lower()}{message[1:]}{more}"
 
 
 def _siblings(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:

@@ -154,36 +154,49 @@ def task_from_options(
     config_file: str | None,
     changes: tuple[str, ...],
     randomization: str | None = None,
+    defaults: dict[str, Any] | None = None,
     **keys: str | None,
 ) -> TaskConfig:
     """Return the task that the options describe: name or ``base``, then file, then flags.
 
-    ``keys`` are options that are keys of the task; None leaves one as it is.
+    ``keys`` are options that are keys of the task; None leaves one as it is. ``defaults`` go
+    before what the name stands for, and behind all else.
 
     Raises:
         InputError: something is unknown or not allowed, or no task was named.
     """
     from pm01_nav.config import merge, validate
-    from pm01_nav.documents import load_yaml
     from pm01_nav.errors import InputError
     from pm01_nav.task.config import TaskConfig
     from pm01_nav.task.randomization import load_randomization
     from pm01_nav.task.tasks import TASKS, task_config
 
-    from_file = load_yaml(config_file) if config_file else {}
-    settings = merge(from_file, parse_changes(changes))
-    _only_sections(settings, config_file or "--set")
-    named = settings.get("task") or {}
+    named = given_settings(config_file, changes).get("task") or {}
     name = task or (base.name if base else None) or named.get("name")
     if name is None:
         raise InputError(f"task: give --task; one of {', '.join(sorted(TASKS))}")
     start = base if base is not None and base.name == name else task_config(name)
-    data = merge(start.model_dump(), {} if task and named.get("name", task) != task else named)
+    data = merge(start.model_dump(), defaults or {})
+    data = merge(data, {} if task and named.get("name", task) != task else named)
     data |= {key.rstrip("_"): value for key, value in keys.items() if value is not None}
     if randomization is not None:
         chosen = load_randomization(randomization)
         data["randomization"] = None if chosen is None else chosen.model_dump()
     return validate(TaskConfig, data, config_file or "configuration", inside="task")
+
+
+def given_settings(config_file: str | None, changes: tuple[str, ...]) -> dict[str, Any]:
+    """Return what a file says, and over it what ``--set`` says: ``task`` and ``train``.
+
+    Raises:
+        InputError: the file is unreadable, or there are other sections.
+    """
+    from pm01_nav.config import merge
+    from pm01_nav.documents import load_yaml
+
+    settings = merge(load_yaml(config_file) if config_file else {}, parse_changes(changes))
+    _only_sections(settings, config_file or "--set")
+    return settings
 
 
 def _only_sections(settings: dict[str, Any], source: str) -> None:

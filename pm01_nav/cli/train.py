@@ -10,6 +10,7 @@ import click
 from pm01_nav.cli import STARTED_AT
 from pm01_nav.cli.options import (
     Command,
+    given_settings,
     parse_changes,
     randomization_option,
     task_from_options,
@@ -24,6 +25,8 @@ FLAGS = ("algo", "preset", "learner", "device", "curriculum", "seed")
 FLAGS += ("time_budget", "steps", "track", "workers")
 """Options that are keys of ``train``."""
 KEPT_BY_RESUME = ("algo", "preset", "learner", "device", "curriculum", "seed", "workers")
+KEPT_PARAMETERS = ("n_envs", "buffer_size")
+"""Hyper-parameters that a checkpoint holds arrays of."""
 
 
 OPTIONS = (
@@ -194,6 +197,7 @@ def run_config(
         algorithm_defaults,
         backend_defaults,
         device_defaults,
+        preset_defaults,
     )
 
     settings = defaults or {}
@@ -201,6 +205,7 @@ def run_config(
         algorithm_defaults(train_settings.get("algo") or "ppo"),
         device_defaults(train_settings.get("device") or "cpu"),
         backend_defaults(task.backend),
+        preset_defaults(train_settings.get("preset") or "default").get("train", {}),
         train_settings,
     ):
         settings = merge(settings, more)
@@ -218,17 +223,17 @@ def fresh_config(options: dict[str, Any], defaults: dict[str, Any] | None = None
         InputError: something is unknown or not allowed.
     """
     from pm01_nav.config import merge
-    from pm01_nav.documents import load_yaml
+    from pm01_nav.train.config import preset_defaults
 
     flags = {name: options.pop(name, None) for name in FLAGS}
-    n_envs = options.pop("n_envs")
-    task = task_from_options(None, **options)
-    from_file = load_yaml(options["config_file"]) if options["config_file"] else {}
-    settings = merge(from_file, parse_changes(options["changes"])).get("train") or {}
+    n_envs, file = options.pop("n_envs"), options["config_file"]
+    settings = given_settings(file, options["changes"]).get("train") or {}
     settings = merge(settings, {k: v for k, v in flags.items() if v is not None})
     if n_envs is not None:
         settings = merge(settings, {settings.get("algo") or "ppo": {"n_envs": n_envs}})
-    return run_config(task, settings, options["config_file"] or "configuration", defaults)
+    preset = preset_defaults(settings.get("preset") or "default")
+    task = task_from_options(None, defaults=preset.get("task"), **options)
+    return run_config(task, settings, file or "configuration", defaults)
 
 
 def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
@@ -236,24 +241,41 @@ def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
     from pm01_nav.errors import InputError
     from pm01_nav.train.run_folder import RunFolder
 
+    if options["config_file"]:
+        raise InputError("--resume goes on with its own config.yaml; leave --config away")
     stored = RunFolder(resume).load_config()
     flags = {name: options.pop(name) for name in FLAGS}
-    stays = {name: getattr(stored.train, name) for name in KEPT_BY_RESUME}
-    flags["n_envs"] = options.pop("n_envs")
-    stays["n_envs"] = stored.train.hyperparameters.n_envs
-    for name, before in stays.items():
-        if flags[name] not in (None, before):
-            raise InputError(f"{name}: {resume} was made with {name} {before}; it stays so")
+    n_envs = options.pop("n_envs")
     named, task = options["task"], task_from_options(stored.task, **options)
     if (named and named != stored.task.name) or task != stored.task:
         raise InputError(
             f"--resume {resume}: was made with another task ({stored.task.name}, see its "
             "config.yaml); leave the task's options away"
         )
+    given = {name: value for name, value in flags.items() if value is not None}
     settings = stored.train.model_dump()
-    if flags["track"]:
-        settings["track"] = flags["track"]
-    if flags["steps"] or flags["time_budget"]:
-        settings |= {"steps": flags["steps"], "time_budget": flags["time_budget"]}
+    if "steps" in given or "time_budget" in given:
+        settings |= {"steps": None, "time_budget": None}
+    settings = merge(settings, given)
+    if n_envs is not None:
+        settings = merge(settings, {stored.train.algo: {"n_envs": n_envs}})
     settings = merge(settings, parse_changes(options["changes"]).get("train") or {})
+    _check_kept(stored, settings, resume)
     return run_config(stored.task, settings, f"--resume {resume}")
+
+
+def _check_kept(stored: RunConfig, settings: dict[str, Any], resume: str) -> None:
+    """Make sure that a run goes on with what its checkpoint is of.
+
+    Raises:
+        InputError: flags or ``--set`` change it.
+    """
+    from pm01_nav.errors import InputError
+
+    before, algo = stored.train.model_dump(), stored.train.algo
+    section = settings[algo] if isinstance(settings[algo], dict) else before[algo]
+    kept = [(name, before[name], settings[name]) for name in KEPT_BY_RESUME]
+    kept += [(name, before[algo].get(name), section.get(name)) for name in KEPT_PARAMETERS]
+    for name, was, now in kept:
+        if now != was:
+            raise InputError(f"{name}: {resume} was made with {name} {was}; it stays so")

@@ -39,6 +39,16 @@ def algorithm_defaults(algo: str) -> dict[str, Any]:
     return {"eval_every": 100_000} if algo in OFF_POLICY else {}
 
 
+def preset_defaults(preset: str) -> dict[str, dict[str, Any]]:
+    """Return what a preset changes of ``task`` and ``train``, beside hyper-parameters.
+
+    In some seconds a policy sees few worlds, and an evaluation is a large part of the budget.
+    """
+    if preset != "quick":
+        return {}
+    return {"task": {"num_worlds": 256}, "train": {"eval_every": 1_000_000}}
+
+
 def device_defaults(device: str) -> dict[str, Any]:
     """Return settings of ``train`` that suit a device better than those for the CPU."""
     if device != "cuda":

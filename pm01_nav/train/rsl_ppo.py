@@ -60,6 +60,10 @@ class RslRlLearner:
         self.policy.optimizer = self._algorithm.optimizer
         self._rollouts = Rollouts(self._algorithm, batch, config)
 
+    def set_logger(self, logger: Logger) -> None:
+        """Write metrics to ``logger``."""
+        self.logger = logger
+
     def begin(self) -> None:
         """Start new episodes everywhere."""
         self._last_obs = self.batch.arrays.to_numpy(self.batch.reset(self._seeds))

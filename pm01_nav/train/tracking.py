@@ -26,13 +26,11 @@ class WandbWriter(KVWriter):
         """Begin a run there, or go on with the one of this folder.
 
         Raises:
-            InputError: wandb is not installed or cannot begin.
+            InputError: it cannot begin.
         """
-        try:
-            import wandb
-            from wandb.errors import Error
-        except ImportError as error:
-            raise InputError("track = 'wandb': pip install 'pm01-nav[wandb]'") from error
+        import wandb
+        from wandb.errors import Error
+
         try:
             self._run = wandb.init(
                 project=PROJECT,
@@ -69,20 +67,8 @@ def _identity(folder: RunFolder) -> str:
     return str(record["identity"])
 
 
-def make_logger(config: RunConfig, folder: RunFolder) -> Logger:
-    """Return what writes metrics where the run's settings say.
-
-    Raises:
-        InputError: what they ask for is not installed.
-    """
-    writers: list[KVWriter] = [_tensorboard(folder)]
-    if config.train.track == "wandb":
-        writers.append(WandbWriter(config, folder))
-    return Logger(str(folder.tensorboard), writers)
-
-
-def _tensorboard(folder: RunFolder) -> KVWriter:
-    """Return what writes for TensorBoard.
+def check_tracking(config: RunConfig) -> None:
+    """Make sure that what a run's settings ask for is installed.
 
     Raises:
         InputError: it cannot be imported.
@@ -95,7 +81,23 @@ def _tensorboard(folder: RunFolder) -> KVWriter:
             f"tensorboard cannot be imported: {error}; pip install 'pm01-nav[train]', and let "
             "nothing older come before it on PYTHONPATH"
         ) from error
-    return TensorBoardOutputFormat(str(folder.tensorboard))
+    if config.train.track == "wandb":
+        try:
+            import wandb  # noqa: F401
+        except ImportError as error:
+            raise InputError("track = 'wandb': pip install 'pm01-nav[wandb]'") from error
+
+
+def make_logger(config: RunConfig, folder: RunFolder) -> Logger:
+    """Return what writes metrics where the run's settings say; see ``check_tracking``.
+
+    Raises:
+        InputError: Weights & Biases cannot begin.
+    """
+    writers: list[KVWriter] = [TensorBoardOutputFormat(str(folder.tensorboard))]
+    if config.train.track == "wandb":
+        writers.append(WandbWriter(config, folder))
+    return Logger(str(folder.tensorboard), writers)
 
 
 def record_session(config: RunConfig, folder: RunFolder) -> None:

@@ -36,7 +36,7 @@ from pm01_nav.train.remote_batch import Batch, RemoteBatch
 from pm01_nav.train.run_folder import RunFolder
 from pm01_nav.train.runtime import ThreadChoice, choose_threads, keep_freed_memory
 from pm01_nav.train.supervision import Progress, Supervision, TrainResult
-from pm01_nav.train.tracking import make_logger, record_session
+from pm01_nav.train.tracking import check_tracking, make_logger, record_session
 
 COMPILED_WITHIN_S = 3.0
 """Loading compiled kernels takes less than this."""
@@ -72,12 +72,7 @@ def train(
     if isinstance(batch, NavigationBatch):
         compiled += _compiling(lambda: _try_out(batch))
     host = make_host(ray)
-    # Only now that nothing can be wrong any more a former run may be replaced.
-    if resume:
-        folder.store(config)
-    else:
-        folder.create(config, force=force)
-    record_session(config, folder)
+    check_tracking(config)
     chosen = config.train.hyperparameters
     threads = choose_threads(
         config.train.threads, chosen.batch_size, batch.layout.size, chosen.net_arch
@@ -85,12 +80,19 @@ def train(
     budget = Budget(config, started_at + compiled, data["extra"]["seconds"] if data else 0.0)
     learns_by = algorithm(config.train.algo)
     supervision = Supervision(config, folder, batch, curriculum, budget, progress, learns_by)
-    model = _learner(config, folder, batch, budget, host)
+    model = _learner(config, batch, budget, host)
+    if data is not None:
+        _go_on(data, model, supervision)
+    # Only now that nothing can be wrong any more what a former run left may be replaced.
+    if resume:
+        folder.store(config)
+    else:
+        folder.create(config, force=force)
+    record_session(config, folder)
+    model.set_logger(make_logger(config, folder))
+    _announce(progress, compiled, threads)
     if data is None:
         budget.learning_since = budget.seconds
-    else:
-        _go_on(data, model, supervision)
-    _announce(progress, compiled, threads)
     with _stop_on_interrupt(supervision.interrupted.set):
         if isinstance(model, BaseAlgorithm):
             fresh = data is None
@@ -128,7 +130,7 @@ def _environments(config: RunConfig, arrays: Arrays) -> tuple[Batch, Curriculum]
     return batch, curriculum
 
 
-def _learner(config: RunConfig, folder: RunFolder, batch: Batch, budget: Budget, host: Host) -> Any:
+def _learner(config: RunConfig, batch: Batch, budget: Budget, host: Host) -> Any:
     """Build the learner on its environments.
 
     Raises:
@@ -144,7 +146,6 @@ def _learner(config: RunConfig, folder: RunFolder, batch: Batch, budget: Budget,
             ) from error
         assert isinstance(batch, NavigationBatch)
         learner = RslRlLearner(config.train.ppo, batch, seed=seed, budget=budget)
-        learner.logger = make_logger(config, folder)
         learner.begin()
         return learner
 
@@ -153,17 +154,14 @@ def _learner(config: RunConfig, folder: RunFolder, batch: Batch, budget: Budget,
         return chosen.learning_rate * left
 
     if isinstance(batch, RemoteBatch):
-        model: Any = DistributedPPO(config, batch, learning_rate=learning_rate, host=host)
-    else:
-        model = algorithm(config.train.algo).make(
-            chosen,
-            make_environment(config.train, batch),
-            batch.layout,
-            seed=seed,
-            learning_rate=learning_rate,
-        )
-    model.set_logger(make_logger(config, folder))
-    return model
+        return DistributedPPO(config, batch, learning_rate=learning_rate, host=host)
+    return algorithm(config.train.algo).make(
+        chosen,
+        make_environment(config.train, batch),
+        batch.layout,
+        seed=seed,
+        learning_rate=learning_rate,
+    )
 
 
 def _announce(progress: Progress, compiled: float, threads: ThreadChoice) -> None:
@@ -185,7 +183,7 @@ def _go_on(data: dict[str, Any], model: Any, supervision: Supervision) -> None:
     restore(data, folder.last, model, supervision.algorithm, supervision.batch)
     supervision.load_state(data["extra"])
     budget.steps_done = model.num_timesteps
-    budget.learning_since = data["extra"]["learning_since"]
+    budget.learning_since = data["extra"].get("learning_since", 0.0)
     if budget.fraction() >= 1.0:
         raise InputError(
             f"{folder.path}: is finished ({budget.steps_done:,} steps, "
@@ -198,13 +196,16 @@ def export_best(folder: RunFolder, config: RunConfig, path: Any = None) -> None:
     """Export the best policy of a run (the last one if none was evaluated) as ONNX.
 
     Raises:
-        InputError: the run has no readable checkpoint.
+        InputError: the run has no readable checkpoint, or it is of another network.
     """
     data = load_checkpoint(folder.best if folder.best.exists() else folder.last)
     robot = config.task.robot_spec()
     layout = observation_layout(config.task, robot)
     policy = algorithm(config.train.algo).make_policy(config.train.hyperparameters, layout)
-    policy.load_state_dict(data["policy"])
+    try:
+        policy.load_state_dict(data["policy"])
+    except RuntimeError as error:
+        raise InputError(f"{folder.path}: the checkpoint does not belong to config.yaml") from error
     origin = {
         "task": config.task.model_dump(mode="json", exclude={"map", "worlds"}),
         "training_steps": data["num_timesteps"],

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from pm01_nav.cli.train import run_config
+from pm01_nav.cli.train import fresh_config, run_config
 from pm01_nav.task.tasks import task_config
 from pm01_nav.train.config import TrainConfig
 
@@ -29,6 +29,20 @@ def test_an_empty_section_beside_a_preset_is_refused_in_words():
 def test_a_preset_is_for_ppo_alone():
     with pytest.raises(ValidationError, match="ppo alone"):
         TrainConfig.model_validate({"preset": "quick", "steps": 1, "algo": "sac"})
+
+
+def test_a_preset_for_seconds_has_few_worlds_and_is_looked_at_at_the_end():
+    options: dict = {"task": "static", "config_file": None, "n_envs": None}
+    config = fresh_config(options | {"preset": "quick", "steps": 1, "changes": ()})
+    assert (config.task.num_worlds, config.train.eval_every) == (256, 1_000_000)
+    # In a sweep likewise; and what is given goes before.
+    changes = ("train.preset=quick", "task.num_worlds=7", "train.eval_every=9")
+    config = fresh_config(options | {"steps": 1, "changes": changes}, {"eval_every": 250_000})
+    assert (config.task.num_worlds, config.train.eval_every) == (7, 9)
+    config = fresh_config(
+        options | {"preset": "quick", "steps": 1, "changes": ()}, {"eval_every": 5}
+    )
+    assert config.train.eval_every == 1_000_000
 
 
 def test_off_policy_runs_are_looked_at_more_often_unless_told_otherwise():

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import time
 
 import pytest
@@ -14,7 +15,7 @@ from pm01_nav.errors import InputError
 from pm01_nav.task.tasks import task_config
 from pm01_nav.train.config import RunConfig, TrainConfig
 from pm01_nav.train.run_folder import RunFolder
-from pm01_nav.train.trainer import train
+from pm01_nav.train.trainer import export_best, train
 from tests.train.progress import Quiet
 
 SAMPLES = 32 * 16  # one iteration
@@ -100,8 +101,44 @@ def test_time_budget_ends_a_run(tmp_path):
 def test_checkpoint_of_another_network_is_refused(uninterrupted, tmp_path):
     run(config(2), tmp_path / "x")
     other = {"n_envs": 32, "n_steps": 16, "batch_size": 256, "net_arch": [8]}
+    before = (tmp_path / "x" / "config.yaml").read_bytes()
     with pytest.raises(InputError, match="does not belong"):
         run(config(4, ppo=other), tmp_path / "x", resume=True)
+    assert (tmp_path / "x" / "config.yaml").read_bytes() == before
+
+
+def test_export_says_when_checkpoint_and_configuration_differ(tmp_path):
+    run(config(2), tmp_path / "x")
+    folder = RunFolder(tmp_path / "x")
+    other = {"n_envs": 32, "n_steps": 16, "batch_size": 256, "net_arch": [8]}
+    with pytest.raises(InputError, match="does not belong"):
+        export_best(folder, config(2, ppo=other))
+
+
+def test_a_former_run_is_kept_if_the_new_one_cannot_begin(tmp_path, monkeypatch):
+    run(config(2), tmp_path / "x")
+    monkeypatch.setitem(sys.modules, "wandb", None)
+    with pytest.raises(InputError, match="wandb"):
+        run(config(3, track="wandb"), tmp_path / "x", force=True)
+    assert RunFolder(tmp_path / "x").load_config() == config(2)
+
+
+def test_a_short_run_begins_with_the_whole_learning_rate(tmp_path):
+    # Start-up takes a part of the seconds, but none of the schedule.
+    started = time.perf_counter() - 50.0
+    settings = config(steps=None, time_budget=51.0, checkpoint_every=1000.0)
+    train(settings, RunFolder(tmp_path / "x"), Quiet(), started_at=started)
+    rates = logged(tmp_path / "x", "train/learning_rate")
+    assert rates[0] == pytest.approx(settings.train.ppo.learning_rate, rel=0.2)
+
+
+def logged(folder, name: str) -> list[float]:
+    """Return the values of a metric in TensorBoard's files."""
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    events = EventAccumulator(str(folder / "tensorboard"))
+    events.Reload()
+    return [point.value for point in events.Scalars(name)]
 
 
 @pytest.mark.parametrize("content", [b"", b"not a checkpoint"])
