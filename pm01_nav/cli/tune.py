@@ -66,7 +66,8 @@ def command(
     if ray_address and not storage:
         raise InputError("ray: several machines need --storage, a database that all of them reach")
     config = fresh_config(options)
-    chosen = load_space(space) if space else default_space(config.train.algo)
+    algo = config.train.algo
+    chosen = load_space(space, algo) if space else default_space(algo)
     tuning = Tuning(Path(out), config, chosen, storage)
     tuning.study()
     if jobs == 1 and not ray_address:

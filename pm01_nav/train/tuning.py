@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import model_validator
+
 from pm01_nav.config import FrozenModel, merge, validate, write_atomically
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.provenance import provenance
-from pm01_nav.train.config import RunConfig
+from pm01_nav.train.config import RunConfig, TrainConfig
 from pm01_nav.train.run_folder import RunFolder
 from pm01_nav.train.trainer import train
 
@@ -44,6 +46,16 @@ class Range(FrozenModel):
     integer: bool = False
     choices: list[Any] | None = None
 
+    @model_validator(mode="after")
+    def _can_be_drawn_from(self) -> Range:
+        if (self.low is not None and self.high is not None) == (self.choices is not None):
+            raise ValueError("give low and high, or choices")
+        if self.choices is not None and not self.choices:
+            raise ValueError("choices: give one or more")
+        if self.low is not None and self.high is not None:
+            _check_limits(self.low, self.high, log=self.log, integer=self.integer)
+        return self
+
     def suggest(self, trial: Trial, name: str) -> Any:
         """Let Optuna choose."""
         if self.choices is not None:
@@ -57,27 +69,45 @@ class Range(FrozenModel):
         return trial.suggest_float(name, self.low, self.high, log=self.log)
 
 
-def load_space(path: str | Path) -> dict[str, Range]:
-    """Read a search space: the names of hyper-parameters and what each may be.
+def _check_limits(low: float, high: float, *, log: bool, integer: bool) -> None:
+    """Refuse limits between which Optuna cannot draw.
 
     Raises:
-        InputError: the file is unusable, or a range is neither ``low`` and ``high`` nor choices.
+        ValueError: they are in the wrong order, or not of the kind that is asked for.
     """
+    if low > high:
+        raise ValueError(f"low = {low:g} must not exceed high = {high:g}")
+    if log and low <= 0.0:
+        raise ValueError(f"low = {low:g} must be positive where log is true")
+    if integer and not (low.is_integer() and high.is_integer()):
+        raise ValueError("low and high must be whole numbers where integer is true")
+
+
+def load_space(path: str | Path, algorithm: str) -> dict[str, Range]:
+    """Read a search space: the names of an algorithm's hyper-parameters and what each may be.
+
+    Raises:
+        InputError: the file is unusable, the algorithm has no such hyper-parameter, or a range
+            cannot be drawn from.
+    """
+    allowed = TrainConfig.model_fields[algorithm].annotation.model_fields  # type: ignore[union-attr]
     space = {}
     for name, data in load_yaml(path).items():
+        if name not in allowed:
+            raise InputError(
+                f"{path}: {name}: {algorithm} has no such hyper-parameter; "
+                f"allowed here: {', '.join(allowed)}"
+            )
         if not isinstance(data, dict):
             raise InputError(f"{path}: {name}: must be a mapping with low and high, or choices")
         space[name] = validate(Range, data, str(path), inside=name)
-        numbers = space[name].low is not None and space[name].high is not None
-        if numbers == (space[name].choices is not None):
-            raise InputError(f"{path}: {name}: give low and high, or choices")
     return space
 
 
 def default_space(algorithm: str) -> dict[str, Range]:
     """Return the search space that belongs to an algorithm."""
     family = "on_policy" if algorithm.startswith("ppo") else "off_policy"
-    return load_space(SPACES / f"space_{family}.yaml")
+    return load_space(SPACES / f"space_{family}.yaml", algorithm)
 
 
 @dataclass(frozen=True)
@@ -94,9 +124,14 @@ class Tuning:
         """Begin the study, or go on with it.
 
         Raises:
-            InputError: the storage cannot be used.
+            InputError: the folder cannot be made, or the storage cannot be used.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except FileExistsError as error:
+            raise InputError(f"out = {self.folder}: exists and is not a folder") from error
+        except OSError as error:
+            raise InputError(f"out = {self.folder}: cannot be made: {error.strerror}") from error
         seed = self.config.train.seed
         try:
             return optuna.create_study(

@@ -16,7 +16,7 @@ from tests.train.test_training import config  # noqa: E402
 
 def write(path, text):
     path.write_text(text)
-    return load_space(path)
+    return load_space(path, "ppo")
 
 
 def test_study_goes_on_and_reports_its_best(tmp_path):
@@ -59,11 +59,25 @@ def test_default_spaces_name_hyper_parameters(algo):
         ("gamma: {low: 0.9}\n", "low and high, or choices"),
         ("gamma: {low: 0.9, high: 1.0, choices: [1]}\n", "low and high, or choices"),
         ("gamma: {lowest: 0.9}\n", "unknown key"),
+        ("gamma: {low: 0.99, high: 0.9}\n", r"gamma.*low = 0\.99 must not exceed high = 0\.9"),
+        ("ent_coef: {low: 0.0, high: 0.1, log: true}\n", "ent_coef.*low = 0 must be positive"),
+        ("n_epochs: {low: 1.5, high: 8, integer: true}\n", "n_epochs.*whole numbers"),
+        ("gamma: {choices: []}\n", "gamma.*choices: give one or more"),
+        ("learning_rat: {low: 0.1, high: 1.0}\n", "learning_rat: ppo has no.*learning_rate"),
+        ("buffer_size: {choices: [1000]}\n", "buffer_size: ppo has no.*allowed here: .*n_steps"),
     ],
 )
 def test_impossible_space_is_refused(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         write(tmp_path / "space.yaml", text)
+
+
+def test_file_in_place_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "notes").write_text("years of work")
+    with pytest.raises(InputError, match=r"out = .*notes: exists and is not a folder"):
+        Tuning(tmp_path / "notes", config(1), {}).study()
+    with pytest.raises(InputError, match=r"out = .*notes/x: cannot be made"):
+        Tuning(tmp_path / "notes" / "x", config(1), {}).study()
 
 
 def test_unusable_storage_is_refused(tmp_path):
