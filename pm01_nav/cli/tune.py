@@ -10,6 +10,7 @@ import click
 
 from pm01_nav.cli.options import randomization_option, task_options
 from pm01_nav.cli.train import fresh_config, training_options
+from pm01_nav.executors import Executor, run_pm01
 
 
 @click.command("tune", short_help="Search for hyper-parameters.")
@@ -60,7 +61,7 @@ def command(
 
     from pm01_nav.cli.display import tuning_table
     from pm01_nav.errors import InputError
-    from pm01_nav.executors import make_executor, run_pm01
+    from pm01_nav.executors import make_executor
     from pm01_nav.train.tuning import Tuning, default_space, load_space
 
     if ray_address and not storage:
@@ -70,15 +71,23 @@ def command(
     chosen = load_space(space, algo) if space else default_space(algo)
     tuning = Tuning(Path(out), config, chosen, storage)
     tuning.study()
-    if jobs == 1 and not ray_address:
-        tuning.work(trials)
-    else:
-        executor = make_executor(jobs, ray_address)
-        for done in executor.run(run_pm01, [_worker_arguments()] * jobs):
-            if done.error:
-                click.echo(f"worker {done.index}: {done.error}", err=True)
+    try:
+        if jobs == 1 and not ray_address:
+            tuning.work(trials)
+        else:
+            _employ(make_executor(jobs, ray_address), jobs)
+    except KeyboardInterrupt:
+        click.echo("interrupted; the same command goes on with the study", err=True)
+        raise
     Console().print(tuning_table(tuning.write_report()))
     click.echo(f"wrote {tuning.folder / 'tuning.json'} and best.yaml")
+
+
+def _employ(executor: Executor, workers: int) -> None:
+    """Let so many processes work on the study until it has its trials."""
+    for done in executor.run(run_pm01, [_worker_arguments()] * workers):
+        if done.error:
+            click.echo(f"worker {done.index}: {done.error}", err=True)
 
 
 def _worker_arguments() -> list[str]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +33,8 @@ except ImportError as _error:
 
 SPACES = Path(__file__).parent / "hyperparameters"
 STUDY = "pm01"
+OPTUNA_TRIALS = "optuna.study._optimize"
+"""The logger on which Optuna tells how a trial ended."""
 STARTUP_TRIALS = 5
 """Trials that are never cut short, and before which values are drawn at random."""
 
@@ -157,10 +160,17 @@ class Tuning:
         ended = (TrialState.COMPLETE, TrialState.PRUNED)
         if len(study.get_trials(deepcopy=False, states=ended)) >= trials:
             return
+        # Optuna logs a failed trial with its traceback; who presses Ctrl-C knows why it failed.
+        logging.getLogger(OPTUNA_TRIALS).addFilter(_without_traceback)
         study.optimize(self._attempt, callbacks=[MaxTrialsCallback(trials, states=ended)])
 
     def _attempt(self, trial: Trial) -> float:
-        """Train once; return the success of the last evaluation."""
+        """Train once; return the success of the last evaluation.
+
+        Raises:
+            TrialPruned: the trial was cut short.
+            KeyboardInterrupt: Ctrl-C ended the training, in good order; it ends the search as well.
+        """
         algo = self.config.train.algo
         chosen = {name: range_.suggest(trial, name) for name, range_ in self.space.items()}
         data = merge(self.config.model_dump(), {"train": {algo: chosen}})
@@ -172,7 +182,9 @@ class Tuning:
             raise optuna.TrialPruned from error
         folder = RunFolder(self.folder / f"trial_{trial.number}")
         watch = TrialProgress(trial)
-        train(config, folder, watch, started_at=time.perf_counter(), force=True)
+        result = train(config, folder, watch, started_at=time.perf_counter(), force=True)
+        if result.interrupted:
+            raise KeyboardInterrupt
         return watch.success
 
     def report(self) -> dict[str, Any]:
@@ -239,6 +251,13 @@ class TrialProgress:
     def warned(self, steps: int, text: str) -> None:
         """Keep a warning with the trial."""
         self._trial.set_user_attr("warning", text)
+
+
+def _without_traceback(record: logging.LogRecord) -> bool:
+    """Take the traceback from the record of a trial that Ctrl-C ended."""
+    if record.exc_info and isinstance(record.exc_info[1], KeyboardInterrupt):
+        record.exc_info = None
+    return True
 
 
 def _values(trial: Any) -> dict[str, Any]:

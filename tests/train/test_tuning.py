@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import pytest
+from click.testing import CliRunner
 
 optuna = pytest.importorskip("optuna")
 
+from pm01_nav.cli import pm01  # noqa: E402
 from pm01_nav.documents import load_yaml  # noqa: E402
 from pm01_nav.errors import InputError  # noqa: E402
 from pm01_nav.train.config import TrainConfig  # noqa: E402
+from pm01_nav.train.supervision import TrainResult  # noqa: E402
 from pm01_nav.train.tuning import Tuning, default_space, load_space  # noqa: E402
 from tests.train.test_training import config  # noqa: E402
 
@@ -78,6 +81,45 @@ def test_file_in_place_of_the_folder_is_refused(tmp_path):
         Tuning(tmp_path / "notes", config(1), {}).study()
     with pytest.raises(InputError, match=r"out = .*notes/x: cannot be made"):
         Tuning(tmp_path / "notes" / "x", config(1), {}).study()
+
+
+def pretended(monkeypatch, *rates, interrupted=False):
+    """Replace training by evaluations with these success rates."""
+
+    def train(config, folder, progress, *, started_at, force):
+        for k, rate in enumerate(rates, start=1):
+            progress.iteration(k / len(rates), {}, 1000.0)
+            progress.evaluated(1000 * k, {"success_rate": rate})
+        return TrainResult(1000 * len(rates), 1.0, interrupted, max(rates), 1000)
+
+    monkeypatch.setattr("pm01_nav.train.tuning.train", train)
+
+
+def states(folder):
+    """Return how the trials of the study in this folder ended."""
+    backend = optuna.storages.journal.JournalFileBackend(str(folder / "study.journal"))
+    storage = optuna.storages.JournalStorage(backend)
+    trials = optuna.load_study(study_name=None, storage=storage).get_trials()
+    return [trial.state.name for trial in trials]
+
+
+def test_interruption_ends_the_search_without_a_traceback(tmp_path, monkeypatch, caplog):
+    pretended(monkeypatch, 0.5, interrupted=True)
+    optuna.logging.enable_propagation()
+    arguments = ["tune", "--task", "static", "--trials", "3", "--out", str(tmp_path / "x")]
+    try:
+        done = CliRunner().invoke(pm01, arguments)
+    finally:
+        optuna.logging.disable_propagation()
+    assert done.exit_code == 1
+    assert "the same command goes on" in done.stderr
+    assert isinstance(done.exception, SystemExit)
+    assert any("KeyboardInterrupt" in record.message for record in caplog.records)
+    assert not any(record.exc_info for record in caplog.records)
+    assert states(tmp_path / "x") == ["FAIL"]
+    pretended(monkeypatch, 0.5)
+    assert CliRunner().invoke(pm01, arguments).exit_code == 0
+    assert states(tmp_path / "x") == ["FAIL", "COMPLETE", "COMPLETE", "COMPLETE"]
 
 
 def test_unusable_storage_is_refused(tmp_path):
