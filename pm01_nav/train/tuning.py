@@ -229,24 +229,31 @@ class TrialProgress:
     def __init__(self, trial: Trial) -> None:
         """Watch one trial."""
         self._trial = trial
+        self._evaluations = 0
+        self._is_behind = False
         self.success = 0.0
 
     def started(self, message: str) -> None:
         """Say nothing: trials run beside each other."""
 
     def iteration(self, fraction: float, row: dict[str, float], steps_per_second: float) -> None:
-        """Say nothing."""
+        """End a trial that was behind at its last evaluation.
 
-    def evaluated(self, steps: int, summary: dict[str, Any]) -> None:
-        """Report success on held-out worlds.
+        Not at the evaluation itself: it may be the final one, and a finished trial counts.
 
         Raises:
-            TrialPruned: other trials did better by this time.
+            TrialPruned: it was behind, and its budget is not spent yet.
         """
-        self.success = float(summary["success_rate"])
-        self._trial.report(self.success, steps)
-        if self._trial.should_prune():
+        if self._is_behind and fraction < 1.0:
             raise optuna.TrialPruned
+
+    def evaluated(self, steps: int, summary: dict[str, Any]) -> None:
+        """Report success on held-out worlds."""
+        self.success = float(summary["success_rate"])
+        self._evaluations += 1
+        # The pruner compares equal numbers alone, and steps depend on what is searched.
+        self._trial.report(self.success, self._evaluations)
+        self._is_behind = self._trial.should_prune()
 
     def warned(self, steps: int, text: str) -> None:
         """Keep a warning with the trial."""

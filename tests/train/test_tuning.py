@@ -13,7 +13,13 @@ from pm01_nav.documents import load_yaml  # noqa: E402
 from pm01_nav.errors import InputError  # noqa: E402
 from pm01_nav.train.config import TrainConfig  # noqa: E402
 from pm01_nav.train.supervision import TrainResult  # noqa: E402
-from pm01_nav.train.tuning import Tuning, default_space, load_space  # noqa: E402
+from pm01_nav.train.tuning import (  # noqa: E402
+    STARTUP_TRIALS,
+    TrialProgress,
+    Tuning,
+    default_space,
+    load_space,
+)
 from tests.train.test_training import config  # noqa: E402
 
 
@@ -93,6 +99,54 @@ def pretended(monkeypatch, *rates, interrupted=False):
         return TrainResult(1000 * len(rates), 1.0, interrupted, max(rates), 1000)
 
     monkeypatch.setattr("pm01_nav.train.tuning.train", train)
+
+
+def fixed_trials(folder, values, evaluations):
+    """Let so many trials finish with these success rates at each evaluation."""
+    study = Tuning(folder, config(1), {}).study()
+    for value in values:
+        trial = study.ask()
+        for k in range(evaluations):
+            trial.report(value, k + 1)
+        study.tell(trial, value)
+
+
+def test_trial_behind_the_median_is_cut_whatever_its_rollouts(tmp_path):
+    fixed_trials(tmp_path, [0.8] * STARTUP_TRIALS, 3)
+    trial = Tuning(tmp_path, config(1), {}).study().ask()
+    watch = TrialProgress(trial)
+    watch.iteration(0.2, {}, 1.0)
+    watch.evaluated(777, {"success_rate": 0.9})
+    watch.iteration(0.4, {}, 1.0)
+    watch.evaluated(1554, {"success_rate": 0.1})
+    watch.iteration(0.6, {}, 1.0)  # its best is 0.9
+    other = TrialProgress(Tuning(tmp_path, config(1), {}).study().ask())
+    other.evaluated(512, {"success_rate": 0.1})
+    with pytest.raises(optuna.TrialPruned):
+        other.iteration(0.4, {}, 1.0)
+
+
+def test_finished_trial_counts_however_bad_it_is(tmp_path, monkeypatch):
+    fixed_trials(tmp_path, [0.8] * STARTUP_TRIALS, 1)
+    pretended(monkeypatch, 0.1)
+    Tuning(tmp_path, config(1), {}).work(STARTUP_TRIALS + 1)
+    assert states(tmp_path) == ["COMPLETE"] * (STARTUP_TRIALS + 1)
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (["--steps", "500000"], 50_000),
+        (["--time-budget", "60"], 250_000),
+        (["--steps", "500000", "--set", "train.eval_every=7000"], 7_000),
+    ],
+)
+def test_search_evaluates_often_enough_to_cut_trials(tmp_path, monkeypatch, given, expected):
+    seen = []
+    monkeypatch.setattr(Tuning, "work", lambda self, _: seen.append(self.config.train.eval_every))
+    out = ["--out", str(tmp_path / "x")]
+    CliRunner().invoke(pm01, ["tune", "--task", "static", *given, *out])
+    assert seen == [expected]
 
 
 def states(folder):
