@@ -27,7 +27,7 @@ try:
     from optuna.storages import BaseStorage, JournalStorage, RDBStorage
     from optuna.storages.journal import JournalFileBackend
     from optuna.study import MaxTrialsCallback
-    from optuna.trial import Trial, TrialState
+    from optuna.trial import FrozenTrial, Trial, TrialState
 except ImportError as _error:
     raise InputError("tune: pip install 'pm01-nav[tune]'") from _error
 
@@ -168,7 +168,7 @@ class Tuning:
         """Train once; return the success of the last evaluation.
 
         Raises:
-            TrialPruned: the trial was cut short.
+            TrialPruned: the trial was cut short, or its settings do not work.
             KeyboardInterrupt: Ctrl-C ended the training, in good order; it ends the search as well.
         """
         algo = self.config.train.algo
@@ -178,11 +178,14 @@ class Tuning:
             config = validate(RunConfig, data, f"trial {trial.number}")
         except InputError as error:
             # Some combinations are impossible, such as minibatches that do not divide a rollout.
-            trial.set_user_attr("impossible", str(error))
-            raise optuna.TrialPruned from error
+            raise _given_up(trial, "impossible", error) from error
         folder = RunFolder(self.folder / f"trial_{trial.number}")
         watch = TrialProgress(trial)
-        result = train(config, folder, watch, started_at=time.perf_counter(), force=True)
+        try:
+            result = train(config, folder, watch, started_at=time.perf_counter(), force=True)
+        except (ValueError, AssertionError) as error:
+            # InputError is a ValueError; libraries refuse settings with either of the two.
+            raise _given_up(trial, "failed", error) from error
         if result.interrupted:
             raise KeyboardInterrupt
         return watch.success
@@ -197,7 +200,7 @@ class Tuning:
         trials = study.get_trials(deepcopy=False)
         complete = [t for t in trials if t.state == TrialState.COMPLETE and t.value is not None]
         if not complete:
-            raise InputError(f"{self.folder}: no trial came to its end")
+            raise InputError(f"{self.folder}: no trial came to its end{_last_reason(trials)}")
         complete.sort(key=lambda trial: -(trial.value or 0.0))
         best = complete[0]
         return {
@@ -265,6 +268,22 @@ def _without_traceback(record: logging.LogRecord) -> bool:
     if record.exc_info and isinstance(record.exc_info[1], KeyboardInterrupt):
         record.exc_info = None
     return True
+
+
+def _given_up(trial: Trial, how: str, error: Exception) -> optuna.TrialPruned:
+    """Keep with a trial why its settings do not work; return what tells Optuna to go on."""
+    reason = " ".join(str(error).split()) or type(error).__name__
+    trial.set_user_attr(how, reason)
+    return optuna.TrialPruned(reason)
+
+
+def _last_reason(trials: list[FrozenTrial]) -> str:
+    """Return why the last trial whose settings did not work was given up, if there is one."""
+    for trial in reversed(trials):
+        for how in ("failed", "impossible"):
+            if how in trial.user_attrs:
+                return f"; trial {trial.number} {how}: {trial.user_attrs[how]}"
+    return ""
 
 
 def _values(trial: Any) -> dict[str, Any]:

@@ -11,6 +11,7 @@ optuna = pytest.importorskip("optuna")
 from pm01_nav.cli import pm01  # noqa: E402
 from pm01_nav.documents import load_yaml  # noqa: E402
 from pm01_nav.errors import InputError  # noqa: E402
+from pm01_nav.train import tuning  # noqa: E402
 from pm01_nav.train.config import TrainConfig  # noqa: E402
 from pm01_nav.train.supervision import TrainResult  # noqa: E402
 from pm01_nav.train.tuning import (  # noqa: E402
@@ -149,6 +150,37 @@ def test_search_evaluates_often_enough_to_cut_trials(tmp_path, monkeypatch, give
     assert seen == [expected]
 
 
+@pytest.mark.parametrize("kind", [InputError, ValueError, AssertionError])
+def test_trial_that_fails_is_one_of_many(tmp_path, monkeypatch, kind):
+    pretended(monkeypatch, 0.5)
+    succeed, tried = tuning.train, []
+
+    def train(config, folder, progress, **options):
+        tried.append(folder)
+        if len(tried) < 3:
+            raise kind("no such luck")
+        return succeed(config, folder, progress, **options)
+
+    monkeypatch.setattr(tuning, "train", train)
+    search = Tuning(tmp_path, config(1), {})
+    search.work(2)
+    with pytest.raises(InputError, match="no trial came to its end; trial 1 failed: no such luck"):
+        search.report()
+    search.work(4)
+    assert states(tmp_path) == ["PRUNED", "PRUNED", "COMPLETE", "COMPLETE"]
+    reasons = [trial.user_attrs for trial in search.study().get_trials()]
+    assert reasons == [{"failed": "no such luck"}, {"failed": "no such luck"}, {}, {}]
+    assert search.report()["best"]["trial"] == 2
+
+
+def test_search_whose_trials_are_all_impossible_says_why(tmp_path):
+    space = write(tmp_path / "space.yaml", "batch_size: {choices: [300]}\n")
+    search = Tuning(tmp_path / "x", config(1), space)
+    search.work(2)
+    with pytest.raises(InputError, match=r"no trial.*; trial 1 impossible: .*must divide.*512"):
+        search.report()
+
+
 def states(folder):
     """Return how the trials of the study in this folder ended."""
     backend = optuna.storages.journal.JournalFileBackend(str(folder / "study.journal"))
@@ -177,9 +209,9 @@ def test_interruption_ends_the_search_without_a_traceback(tmp_path, monkeypatch,
 
 
 def test_unusable_storage_is_refused(tmp_path):
-    tuning = Tuning(tmp_path / "x", config(1), {}, "nonsense://x")
+    search = Tuning(tmp_path / "x", config(1), {}, "nonsense://x")
     with pytest.raises(InputError, match="storage"):
-        tuning.study()
+        search.study()
 
 
 def test_search_without_a_result_says_so(tmp_path):
