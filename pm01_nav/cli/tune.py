@@ -38,6 +38,7 @@ EVALUATIONS = 10
     help="An SQL database to keep the study in, for several machines. [default: a file in --out]",
 )
 @click.option("--ray", "ray_address", metavar="ADDRESS", help="Use a Ray cluster; needs --storage.")
+@click.option("--worker", type=click.IntRange(0), default=0, hidden=True)
 def command(
     trials: int,
     out: str,
@@ -45,6 +46,7 @@ def command(
     jobs: int,
     storage: str | None,
     ray_address: str | None,
+    worker: int,
     **options: Any,
 ) -> None:
     """Train with many settings and keep what succeeds most on held-out worlds.
@@ -75,7 +77,7 @@ def command(
     config = fresh_config(options, {"eval_every": _eval_every(options["steps"])})
     algo = config.train.algo
     chosen = load_space(space, algo) if space else default_space(algo)
-    tuning = Tuning(Path(out), config, chosen, storage)
+    tuning = Tuning(Path(out), config, chosen, storage, worker)
     tuning.study()
     try:
         if jobs == 1 and not ray_address:
@@ -96,7 +98,9 @@ def _eval_every(steps: int | None) -> int:
 
 def _employ(executor: Executor, workers: int) -> None:
     """Let so many processes work on the study until it has its trials."""
-    for done in executor.run(run_pm01, [_worker_arguments()] * workers):
+    given = _worker_arguments()
+    numbered = [[*given, "--worker", str(number)] for number in range(workers)]
+    for done in executor.run(run_pm01, numbered):
         if done.error:
             click.echo(f"worker {done.index}: {done.error}", err=True)
 

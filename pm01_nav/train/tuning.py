@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import model_validator
 
 from pm01_nav.config import FrozenModel, merge, validate, write_atomically
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.provenance import provenance
+from pm01_nav.train.algorithms import ALGORITHMS
 from pm01_nav.train.config import RunConfig, TrainConfig
 from pm01_nav.train.run_folder import RunFolder
 from pm01_nav.train.trainer import train
@@ -33,6 +35,11 @@ except ImportError as _error:
 
 SPACES = Path(__file__).parent / "hyperparameters"
 STUDY = "pm01"
+SUBJECT = "subject"
+"""The study's attribute that says what it is about."""
+NOT_SUBJECT = {"seed", "threads", "workers", "checkpoint_every", "track"}
+"""Settings of ``train`` that may change while a search goes on."""
+DIFFERENCES_NAMED = 4
 OPTUNA_TRIALS = "optuna.study._optimize"
 """The logger on which Optuna tells how a trial ended."""
 STARTUP_TRIALS = 5
@@ -113,6 +120,33 @@ def default_space(algorithm: str) -> dict[str, Range]:
     return load_space(SPACES / f"space_{family}.yaml", algorithm)
 
 
+def subject(config: RunConfig, space: dict[str, Range]) -> dict[str, Any]:
+    """Return what must be the same for the success rates of two searches to compare."""
+    algo = config.train.algo
+    task = config.task.model_dump(mode="json")
+    for name in ("robot", "map", "worlds"):
+        # Another machine may have the file in another place.
+        task[name] = task[name] and Path(task[name]).name
+    settings = config.train.model_dump(
+        mode="json", exclude=NOT_SUBJECT | (set(ALGORITHMS) - {algo})
+    )
+    settings[algo] = {name: v for name, v in settings[algo].items() if name not in space}
+    ranges = {name: range_.model_dump(mode="json") for name, range_ in space.items()}
+    return {"task": task, "train": settings, "space": ranges}
+
+
+def differences(one: dict[str, Any], other: dict[str, Any], inside: str = "") -> list[str]:
+    """Name the keys whose values differ; a key that is missing is None."""
+    found = []
+    for key in dict.fromkeys([*one, *other]):
+        mine, its = one.get(key), other.get(key)
+        if isinstance(mine, dict) and isinstance(its, dict):
+            found += differences(mine, its, f"{inside}{key}.")
+        elif mine != its:
+            found.append(inside + key)
+    return found
+
+
 @dataclass(frozen=True)
 class Tuning:
     """A search: what is trained, over which space, where it is kept."""
@@ -122,12 +156,15 @@ class Tuning:
     space: dict[str, Range]
     storage_url: str | None = None
     """An SQL database for several machines; None keeps a file in ``folder``."""
+    worker: int = 0
+    """Which of those that work on the study at the same time this one is."""
 
     def study(self) -> optuna.Study:
         """Begin the study, or go on with it.
 
         Raises:
-            InputError: the folder cannot be made, or the storage cannot be used.
+            InputError: the folder cannot be made, the storage cannot be used, or it holds a search
+                for something else.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -135,19 +172,49 @@ class Tuning:
             raise InputError(f"out = {self.folder}: exists and is not a folder") from error
         except OSError as error:
             raise InputError(f"out = {self.folder}: cannot be made: {error.strerror}") from error
-        seed = self.config.train.seed
         try:
-            return optuna.create_study(
+            study = optuna.create_study(
                 storage=self._storage(),
                 study_name=STUDY,
                 direction="maximize",
                 load_if_exists=True,
-                sampler=TPESampler(n_startup_trials=STARTUP_TRIALS, seed=seed or None),
                 pruner=MedianPruner(n_startup_trials=STARTUP_TRIALS),
             )
         except Exception as error:  # SQLAlchemy's, Optuna's and the system's have no common base
             reason = " ".join(str(error).split())[:200]
             raise InputError(f"storage = {self.storage_url or self.folder}: {reason}") from error
+        self._check_subject(study)
+        study.sampler = self._sampler(study)
+        return study
+
+    def _check_subject(self, study: optuna.Study) -> None:
+        """Make sure that success rates of this study and of this search can be compared.
+
+        Raises:
+            InputError: the study is about something else.
+        """
+        mine = subject(self.config, self.space)
+        kept = study.user_attrs.get(SUBJECT)
+        if kept is None:  # it is new, or older than this check
+            study.set_user_attr(SUBJECT, mine)
+            return
+        if others := differences(kept, mine):
+            where = f"storage = {self.storage_url}" if self.storage_url else f"out = {self.folder}"
+            more = ", ..." if len(others) > DIFFERENCES_NAMED else ""
+            named = ", ".join(others[:DIFFERENCES_NAMED]) + more
+            raise InputError(f"{where}: holds a search with other settings ({named})")
+
+    def _sampler(self, study: optuna.Study) -> TPESampler:
+        """Return what proposes values.
+
+        Each worker draws its own, and who goes on does not draw the first trials again.
+        """
+        seed: int | None = None
+        if self.config.train.seed:
+            trials = len(study.get_trials(deepcopy=False))
+            words = (self.config.train.seed, self.worker, trials)
+            seed = int(np.random.SeedSequence(words).generate_state(1)[0])
+        return TPESampler(n_startup_trials=STARTUP_TRIALS, seed=seed)
 
     def _storage(self) -> BaseStorage:
         if self.storage_url is not None:

@@ -9,13 +9,16 @@ from click.testing import CliRunner
 optuna = pytest.importorskip("optuna")
 
 from pm01_nav.cli import pm01  # noqa: E402
+from pm01_nav.cli.tune import _employ  # noqa: E402
 from pm01_nav.documents import load_yaml  # noqa: E402
 from pm01_nav.errors import InputError  # noqa: E402
+from pm01_nav.executors import LocalProcesses  # noqa: E402
 from pm01_nav.train import tuning  # noqa: E402
-from pm01_nav.train.config import TrainConfig  # noqa: E402
+from pm01_nav.train.config import RunConfig, TrainConfig  # noqa: E402
 from pm01_nav.train.supervision import TrainResult  # noqa: E402
 from pm01_nav.train.tuning import (  # noqa: E402
     STARTUP_TRIALS,
+    Range,
     TrialProgress,
     Tuning,
     default_space,
@@ -179,6 +182,76 @@ def test_search_whose_trials_are_all_impossible_says_why(tmp_path):
     search.work(2)
     with pytest.raises(InputError, match=r"no trial.*; trial 1 impossible: .*must divide.*512"):
         search.report()
+
+
+def other_config(**changes):
+    """Return the configuration of most tests with another task."""
+    plain = config(1)
+    return plain.model_copy(update={"task": plain.task.model_copy(update=changes)})
+
+
+GAMMA = {"gamma": Range(choices=[0.9, 0.99])}
+
+
+@pytest.mark.parametrize(
+    ("other", "space", "named"),
+    [
+        (other_config(goal_radius=0.4), GAMMA, "task.goal_radius"),
+        (other_config(map="elsewhere/b.yaml"), GAMMA, "task.map"),
+        (config(1, algo="sac"), GAMMA, "train.algo"),
+        (config(2), GAMMA, "train.steps"),
+        (config(1, ppo={"n_envs": 32, "n_steps": 16, "batch_size": 512}), GAMMA, "train.ppo"),
+        (config(1), {"gamma": Range(choices=[0.9])}, "space.gamma.choices"),
+        (config(1), {}, "train.ppo.gamma, space.gamma"),
+    ],
+)
+@pytest.mark.parametrize("database", [False, True])
+def test_study_of_something_else_is_refused(tmp_path, other, space, named, database):
+    url = f"sqlite:///{tmp_path}/x.db" if database else None
+    Tuning(tmp_path, config(1), GAMMA, url).study()
+    where = "storage = sqlite" if database else "out = "
+    with pytest.raises(InputError, match=f"{where}.*other settings .*{named}"):
+        Tuning(tmp_path, other, space, url).study()
+
+
+def test_study_goes_on_with_what_does_not_matter(tmp_path):
+    first = other_config(map="here/a.yaml")
+    Tuning(tmp_path, first, GAMMA).study()
+    train = first.train.model_copy(update={"seed": 7, "threads": 2, "track": "wandb"})
+    task = first.task.model_copy(update={"map": "there/a.yaml"})
+    Tuning(tmp_path, RunConfig(task=task, train=train), GAMMA).study()
+
+
+def test_study_without_a_subject_gets_one(tmp_path):
+    backend = optuna.storages.journal.JournalFileBackend(str(tmp_path / "study.journal"))
+    storage = optuna.storages.JournalStorage(backend)
+    optuna.create_study(storage=storage, study_name="pm01", direction="maximize")
+    Tuning(tmp_path, config(1), GAMMA).study()
+    with pytest.raises(InputError, match="other settings"):
+        Tuning(tmp_path, config(2), GAMMA).study()
+
+
+def first_rate(folder, worker=0):
+    """Return the learning rate that a worker on the study in this folder draws first."""
+    space = {"learning_rate": Range(low=1e-4, high=1e-2, log=True)}
+    trial = Tuning(folder, config(1, seed=3), space, worker=worker).study().ask()
+    return space["learning_rate"].suggest(trial, "learning_rate")
+
+
+def test_seeded_search_is_repeated_and_its_workers_differ(tmp_path):
+    one, again = first_rate(tmp_path / "one"), first_rate(tmp_path / "again")
+    assert one == again
+    assert first_rate(tmp_path / "two", worker=1) != one
+    assert first_rate(tmp_path / "one") != one  # it goes on
+
+
+def test_workers_are_numbered(monkeypatch):
+    asked = []
+    executor = LocalProcesses(1)
+    monkeypatch.setattr("sys.argv", ["pm01", "tune", "--jobs", "2", "--out", "x"])
+    monkeypatch.setattr("pm01_nav.cli.tune.run_pm01", asked.append)
+    _employ(executor, 2)
+    assert asked == [["tune", "--out", "x", "--worker", str(k)] for k in range(2)]
 
 
 def states(folder):
