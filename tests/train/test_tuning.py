@@ -126,6 +126,7 @@ def test_trial_behind_the_median_is_cut_whatever_its_rollouts(tmp_path):
     watch.iteration(0.6, {}, 1.0)  # its best is 0.9
     other = TrialProgress(Tuning(tmp_path, config(1), {}).study().ask())
     other.evaluated(512, {"success_rate": 0.1})
+    other.iteration(1.0, {}, 1.0)  # the budget is spent: only the final evaluation is left
     with pytest.raises(optuna.TrialPruned):
         other.iteration(0.4, {}, 1.0)
 
