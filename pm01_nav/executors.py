@@ -22,6 +22,8 @@ from pm01_nav.provenance import git_revision
 
 ANSWERS_WITHIN_S = 20.0
 """A cluster that does not answer by then is taken to be away."""
+INTERRUPTED = "interrupted"
+"""What `pm01 train` prints first if Ctrl-C ended it."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,12 @@ class LocalProcesses:
         self._jobs = jobs
 
     def run(self, function: Piece, arguments: Sequence[Any]) -> Iterator[Done]:
-        """Call ``function`` with each argument; give the outcomes as they come."""
-        with ThreadPoolExecutor(self._jobs) as pool:
+        """Call ``function`` with each argument; give the outcomes as they come.
+
+        Whoever stops early, as Ctrl-C does, waits for the pieces under way; no other is begun.
+        """
+        pool = ThreadPoolExecutor(self._jobs)
+        try:
             waiting: dict[Future[Any], int] = {}
             for index, argument in enumerate(arguments):
                 waiting[pool.submit(function, argument)] = index
@@ -80,6 +86,9 @@ class LocalProcesses:
                 finished, _ = wait(waiting, return_when=FIRST_COMPLETED)
                 for future in finished:
                     yield _outcome(waiting.pop(future), future.result)
+        finally:
+            # A terminal sends Ctrl-C to the processes of the pieces as well.
+            pool.shutdown(cancel_futures=True)
 
 
 class RayCluster:

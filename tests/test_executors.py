@@ -33,6 +33,22 @@ def test_every_piece_is_done_once_and_a_killed_one_costs_itself():
     assert done[0].error is None
 
 
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, GeneratorExit])
+def test_pieces_that_are_not_begun_stay_so_when_it_is_stopped(kind):
+    begun = []
+
+    def piece(number: int) -> None:
+        begun.append(number)
+        time.sleep(0.05)
+
+    pieces = LocalProcesses(2).run(piece, range(100))
+    next(pieces)
+    with pytest.raises(kind):
+        pieces.throw(kind)
+    # Two at a time: those that ended, those under way, and what was begun meanwhile.
+    assert len(begun) < 10
+
+
 def test_worker_with_other_code_refuses():
     with pytest.raises(InputError, match="revision"):
         checked(square, 2, "0123456789ab")

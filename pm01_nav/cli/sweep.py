@@ -68,7 +68,12 @@ def command(
     threads = 1 if jobs > 1 or ray_address else 0
     job = SeedJob(to_yaml(config.model_dump(mode="json")), 0, suites, episodes, 1, threads)
     sweep = Sweep(Path(out), config, range(first_seed, first_seed + seeds))
-    failed = sweep.run(make_executor(jobs, ray_address), job, _told)
+    executor = make_executor(jobs, ray_address)
+    try:
+        failed = sweep.run(executor, job, _told)
+    except KeyboardInterrupt:
+        click.echo("interrupted; the same command goes on with what is missing", err=True)
+        raise
     report = sweep.report()
     write_atomically(sweep.folder / "sweep.json", json.dumps(report, indent=2) + "\n")
     plot_sweep(report, sweep.folder / "sweep.png")

@@ -158,6 +158,7 @@ def run_training(
 ) -> Any:
     """Train with a progress display; say what came of it."""
     from pm01_nav.cli.display import TrainingDisplay
+    from pm01_nav.executors import INTERRUPTED
     from pm01_nav.train.trainer import train
 
     with TrainingDisplay() as display:
@@ -170,7 +171,7 @@ def run_training(
             force=force,
             ray=ray,
         )
-    ended = "interrupted" if result.interrupted else "done"
+    ended = INTERRUPTED if result.interrupted else "done"
     click.echo(f"{ended}: {result.steps:,} steps in {result.seconds:.0f} s")
     if result.best_steps:
         rate = 100.0 * result.best_success_rate

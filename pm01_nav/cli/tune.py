@@ -9,7 +9,12 @@ from typing import Any
 import click
 
 from pm01_nav.cli.options import randomization_option, task_options
+from pm01_nav.cli.sweep import EVAL_EVERY
 from pm01_nav.cli.train import fresh_config, training_options
+from pm01_nav.executors import Executor, run_pm01
+
+EVALUATIONS = 10
+"""Evaluations of a trial whose steps are given; with few, a bad trial goes on for long."""
 
 
 @click.command("tune", short_help="Search for hyper-parameters.")
@@ -33,6 +38,7 @@ from pm01_nav.cli.train import fresh_config, training_options
     help="An SQL database to keep the study in, for several machines. [default: a file in --out]",
 )
 @click.option("--ray", "ray_address", metavar="ADDRESS", help="Use a Ray cluster; needs --storage.")
+@click.option("--worker", type=click.IntRange(0), default=0, hidden=True)
 def command(
     trials: int,
     out: str,
@@ -40,14 +46,17 @@ def command(
     jobs: int,
     storage: str | None,
     ray_address: str | None,
+    worker: int,
     **options: Any,
 ) -> None:
     """Train with many settings and keep what succeeds most on held-out worlds.
 
-    Optuna proposes settings (TPE) and ends trials that do worse than the median of the others at
-    the same time. The study is kept: the same command goes on with it until it has N trials.
-    Success of trials is measured on the worlds of the evaluation along the way; measure the winner
-    with `pm01 sweep` before you believe it.
+    Optuna proposes settings (TPE) and ends trials that do worse than the median of the finished
+    ones at the same evaluation. PPO is evaluated every tenth of --steps, without --steps every
+    250000 steps, off-policy algorithms every 100000; --set train.eval_every=N changes it. The study
+    is kept: the same command goes on with it until it has N trials. Success of trials is measured
+    on the worlds of the evaluation along the way; measure the winner with `pm01 sweep` before you
+    believe it.
 
     \b
     Examples:
@@ -60,24 +69,40 @@ def command(
 
     from pm01_nav.cli.display import tuning_table
     from pm01_nav.errors import InputError
-    from pm01_nav.executors import make_executor, run_pm01
+    from pm01_nav.executors import make_executor
     from pm01_nav.train.tuning import Tuning, default_space, load_space
 
     if ray_address and not storage:
         raise InputError("ray: several machines need --storage, a database that all of them reach")
-    config = fresh_config(options)
-    chosen = load_space(space) if space else default_space(config.train.algo)
-    tuning = Tuning(Path(out), config, chosen, storage)
+    config = fresh_config(options, {"eval_every": _eval_every(options["steps"])})
+    algo = config.train.algo
+    chosen = load_space(space, algo) if space else default_space(algo)
+    tuning = Tuning(Path(out), config, chosen, storage, worker)
     tuning.study()
-    if jobs == 1 and not ray_address:
-        tuning.work(trials)
-    else:
-        executor = make_executor(jobs, ray_address)
-        for done in executor.run(run_pm01, [_worker_arguments()] * jobs):
-            if done.error:
-                click.echo(f"worker {done.index}: {done.error}", err=True)
+    try:
+        if jobs == 1 and not ray_address:
+            tuning.work(trials)
+        else:
+            _employ(make_executor(jobs, ray_address), jobs)
+    except KeyboardInterrupt:
+        click.echo("interrupted; the same command goes on with the study", err=True)
+        raise
     Console().print(tuning_table(tuning.write_report()))
     click.echo(f"wrote {tuning.folder / 'tuning.json'} and best.yaml")
+
+
+def _eval_every(steps: int | None) -> int:
+    """Return the steps between two evaluations, at which a trial may be cut short."""
+    return max(steps // EVALUATIONS, 1) if steps else EVAL_EVERY
+
+
+def _employ(executor: Executor, workers: int) -> None:
+    """Let so many processes work on the study until it has its trials."""
+    given = _worker_arguments()
+    numbered = [[*given, "--worker", str(number)] for number in range(workers)]
+    for done in executor.run(run_pm01, numbered):
+        if done.error:
+            click.echo(f"worker {done.index}: {done.error}", err=True)
 
 
 def _worker_arguments() -> list[str]:

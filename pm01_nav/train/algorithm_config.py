@@ -81,6 +81,8 @@ class PPOConfig(AlgorithmConfig):
     """Hyper-parameters of PPO."""
 
     file = "ppo"
+    batch_size: Annotated[int, Field(ge=2)]
+    """Samples in a minibatch, 2 or more: each one's advantages are divided by their deviation."""
     n_steps: Count
     """Steps of each robot between two updates."""
     n_epochs: Count

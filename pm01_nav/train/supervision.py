@@ -26,6 +26,7 @@ from pm01_nav.train.budget import Budget
 from pm01_nav.train.checkpoint import save_checkpoint, save_weights
 from pm01_nav.train.config import RunConfig
 from pm01_nav.train.curiosity import intrinsic_rewards
+from pm01_nav.train.divergence import check_finite
 from pm01_nav.train.environment import observation_statistics
 from pm01_nav.train.history import History
 from pm01_nav.train.learner import Algorithm
@@ -142,7 +143,12 @@ class Supervision(BaseCallback):
             self.history.add_episodes(episodes)
 
     def _on_rollout_start(self) -> None:
-        """Run between two iterations: the last update is done, the next rollout not begun."""
+        """Run between two iterations: the last update is done, the next rollout not begun.
+
+        Raises:
+            InputError: the training diverged.
+        """
+        check_finite(self._learner.policy, self.config.train.algo)
         self._rounds += 1
         if (self._rounds - 1) % self._rounds_per_iteration:
             return

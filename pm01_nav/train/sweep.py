@@ -16,7 +16,7 @@ import numpy as np
 from pm01_nav.config import to_yaml, write_atomically
 from pm01_nav.documents import load_json
 from pm01_nav.errors import InputError
-from pm01_nav.executors import Executor, run_pm01
+from pm01_nav.executors import INTERRUPTED, Executor, run_pm01
 from pm01_nav.provenance import provenance
 from pm01_nav.train.config import RunConfig
 from pm01_nav.train.statistics import curves_at, iqm_with_interval, time_to
@@ -49,7 +49,7 @@ def run_seed(job: SeedJob) -> dict[str, bytes]:
     """Train and measure in processes of their own; return the files that are worth keeping.
 
     Raises:
-        RuntimeError: a command failed; the text is its last words.
+        RuntimeError: a command failed or was interrupted; the text is its last words.
     """
     environment = dict(os.environ)
     if job.threads:
@@ -60,7 +60,10 @@ def run_seed(job: SeedJob) -> dict[str, bytes]:
         given = ("--config", str(folder / "given.yaml"), "--seed", str(job.seed))
         threads = ("--set", f"train.threads={job.threads}") if job.threads else ()
         out = folder / f"seed_{job.seed}"
-        run_pm01(("train", *given, *threads, "--out", str(out)), environment)
+        told = run_pm01(("train", *given, *threads, "--out", str(out)), environment)
+        # Ctrl-C ends a training in good order, but half a training is no result of a seed.
+        if told.startswith(INTERRUPTED):
+            raise RuntimeError(told.splitlines()[0])
         files = {file: (out / file).read_bytes() for file in KEPT}
         measured = {}
         for suite in job.suites or (None,):

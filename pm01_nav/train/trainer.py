@@ -30,6 +30,7 @@ from pm01_nav.train.budget import Budget
 from pm01_nav.train.checkpoint import load_checkpoint, restore
 from pm01_nav.train.config import RunConfig
 from pm01_nav.train.distributed import DistributedPPO
+from pm01_nav.train.divergence import divergence_told
 from pm01_nav.train.environment import make_environment, stored_statistics
 from pm01_nav.train.networks import privileged
 from pm01_nav.train.remote_batch import Batch, RemoteBatch
@@ -59,7 +60,8 @@ def train(
     workers that ``train.workers`` asks for; without it they are processes of this machine.
 
     Raises:
-        InputError: worlds, robot or checkpoint are unusable, or there is no such device or cluster.
+        InputError: worlds, robot or checkpoint are unusable, there is no such device or cluster, or
+            the training diverged.
     """
     keep_freed_memory()
     if not resume:
@@ -93,7 +95,8 @@ def train(
     _announce(progress, compiled, threads)
     if data is None:
         budget.learning_since = budget.seconds
-    with _stop_on_interrupt(supervision.interrupted.set):
+    diverging = divergence_told(model.policy, config.train.algo)
+    with _stop_on_interrupt(supervision.interrupted.set), diverging:
         if isinstance(model, BaseAlgorithm):
             fresh = data is None
             # Algorithms with a replay buffer would log every so many episodes of their own accord.

@@ -6,11 +6,13 @@ from __future__ import annotations
 import json
 
 import pytest
+from click.testing import CliRunner
 
+from pm01_nav.cli import pm01
 from pm01_nav.config import to_yaml
 from pm01_nav.errors import InputError
-from pm01_nav.executors import Done
-from pm01_nav.train.sweep import EVALUATIONS, SeedJob, Sweep
+from pm01_nav.executors import INTERRUPTED, Done
+from pm01_nav.train.sweep import EVALUATIONS, SeedJob, Sweep, run_seed
 from tests.train.test_training import config
 
 RATES = {0: [0.5, 0.96], 1: [0.7, 0.9], 2: [0.6, 1.0]}
@@ -91,6 +93,28 @@ def test_folder_of_another_sweep_is_left_alone(tmp_path):
     (tmp_path / "y" / "thesis.tex").write_text("years of work")
     with pytest.raises(InputError, match="no sweep"):
         Sweep(tmp_path / "y", config(), range(1)).missing()
+
+
+def test_interrupted_training_is_no_result(monkeypatch):
+    def interrupted(arguments, environment):
+        assert arguments[0] == "train"  # there is nothing to evaluate
+        return f"{INTERRUPTED}: 512 steps in 3 s\nwrote policy.onnx\n"
+
+    monkeypatch.setattr("pm01_nav.train.sweep.run_pm01", interrupted)
+    with pytest.raises(RuntimeError, match="interrupted: 512 steps"):
+        run_seed(job())
+
+
+def test_interrupted_sweep_says_how_to_go_on(tmp_path, monkeypatch):
+    def interrupted(self, executor, job, told):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Sweep, "run", interrupted)
+    arguments = ["sweep", "--task", "static", "--out", str(tmp_path / "x")]
+    done = CliRunner().invoke(pm01, arguments)
+    assert done.exit_code == 1
+    assert "the same command goes on" in done.stderr
+    assert isinstance(done.exception, SystemExit)  # no traceback
 
 
 def test_nothing_done_is_said(tmp_path):

@@ -191,6 +191,12 @@ def test_batch_size_must_divide_the_rollout():
         config(ppo={"n_envs": 32, "n_steps": 16, "batch_size": 300})
 
 
+@pytest.mark.parametrize("algo", ["ppo", "ppo_lstm"])
+def test_minibatches_of_one_sample_are_refused(algo):
+    with pytest.raises(ValueError, match=f"{algo}.batch_size\n.*greater than or equal to 2"):
+        TrainConfig.model_validate({"steps": 1, "algo": algo, algo: {"batch_size": 1}})
+
+
 CURRICULA = {
     # The first stage is passed soon: its goals lie within a few steps.
     "staged": {
