@@ -22,7 +22,14 @@ EVAL_EVERY = 250_000
 @click.option("--seeds", type=click.IntRange(1, 1000), default=5, show_default=True, metavar="N")
 @click.option("--first-seed", type=click.IntRange(0), default=0, show_default=True, metavar="N")
 @click.option("--out", required=True, metavar="DIR", help="Folder of the sweep; gone on with.")
-@click.option("--suite", "suites", multiple=True, metavar="NAME", help="Measure on this task, too.")
+@click.option(
+    "--suite",
+    "suites",
+    multiple=True,
+    metavar="NAME",
+    help="Measure on this task instead of the one trained on (repeatable); with files: barn=DIR, "
+    "dynabarn=FILE, map=FILE.",
+)
 @click.option("--episodes", type=click.IntRange(1), default=1000, show_default=True)
 @click.option(
     "--jobs",
@@ -62,9 +69,12 @@ def command(
     from pm01_nav.errors import InputError
     from pm01_nav.executors import make_executor
     from pm01_nav.rendering.sweep_plot import plot_sweep
-    from pm01_nav.train.sweep import SeedJob, Sweep
+    from pm01_nav.train.sweep import SeedJob, Sweep, suite_task
 
     config = fresh_config(options, {"eval_every": EVAL_EVERY})
+    suites = tuple(dict.fromkeys(suites))
+    for suite in suites:
+        suite_task(suite, config)
     threads = 1 if jobs > 1 or ray_address else 0
     job = SeedJob(to_yaml(config.model_dump(mode="json")), 0, suites, episodes, 1, threads)
     sweep = Sweep(Path(out), config, range(first_seed, first_seed + seeds))
