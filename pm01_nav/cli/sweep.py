@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from pm01_nav.cli.options import randomization_option, ray_option, task_options
 from pm01_nav.cli.train import fresh_config, training_options
+
+if TYPE_CHECKING:
+    from pm01_nav.train.config import RunConfig
 
 EVAL_EVERY = 250_000
 """Steps between two points of a learning curve, which `pm01 train` alone needs less densely."""
@@ -75,7 +78,7 @@ def command(
     suites = tuple(dict.fromkeys(suites))
     for suite in suites:
         suite_task(suite, config)
-    threads = 1 if jobs > 1 or ray_address else 0
+    threads = _threads(config, shared=jobs > 1 or ray_address is not None)
     job = SeedJob(to_yaml(config.model_dump(mode="json")), 0, suites, episodes, 1, threads)
     sweep = Sweep(Path(out), config, range(first_seed, first_seed + seeds))
     failed = sweep.run(make_executor(jobs, ray_address), job, _told)
@@ -86,6 +89,18 @@ def command(
     click.echo(f"wrote {sweep.folder / 'sweep.json'} and sweep.png")
     if failed:
         raise InputError(f"seeds {sorted(failed)} failed; the same command tries them again")
+
+
+def _threads(config: RunConfig, *, shared: bool) -> int:
+    """Return the threads of each seed; 0 leaves them to the configuration.
+
+    How many are fastest is measured, and differs from run to run: only with a fixed number is a
+    sweep over steps the same bit for bit.
+    """
+    given = config.train.threads
+    if shared:
+        return given or 1
+    return 0 if given or config.train.time_budget is not None else 1
 
 
 def _told(seed: int, error: str | None) -> None:

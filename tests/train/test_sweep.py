@@ -208,3 +208,34 @@ def test_file_in_the_way_is_said(name, tmp_path):
     (tmp_path / "file").write_text("years of work")
     with pytest.raises(InputError, match=rf"out = .*{name}: (exists and is not a|cannot be made)"):
         Sweep(tmp_path / name, config(), range(1)).missing(job())
+
+
+STEPS = ("--steps", "512")
+BOTH = (*STEPS, "--time-budget", "60")
+TWO_THREADS = ("--set", "train.threads=2")
+
+
+@pytest.mark.parametrize(
+    ("options", "threads"),
+    [
+        (STEPS, 1),
+        ((*STEPS, "--jobs", "2"), 1),
+        (("--time-budget", "60"), 0),
+        (BOTH, 0),
+        ((*BOTH, "--jobs", "2"), 1),
+        # The configuration says it: nothing goes over it.
+        ((*STEPS, *TWO_THREADS), 0),
+        ((*STEPS, *TWO_THREADS, "--jobs", "2"), 2),
+    ],
+)
+def test_sweep_over_steps_gives_each_seed_one_thread(options, threads, tmp_path, monkeypatch):
+    jobs = []
+
+    def run(self, executor, job, told):
+        jobs.append(job)
+        raise InputError("enough")
+
+    monkeypatch.setattr(Sweep, "run", run)
+    arguments = ["sweep", "--task", "static", *options, "--out", str(tmp_path / "x")]
+    assert str(CliRunner().invoke(pm01, arguments).exception) == "enough"
+    assert [job.threads for job in jobs] == [threads]
