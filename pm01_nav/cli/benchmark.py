@@ -117,7 +117,7 @@ def _suites(
     how = (robot, randomization, backend)
     found = [read_suite(text, seed, *how) for text in dict.fromkeys(suites)]
     for name in dict.fromkeys(sweeps):
-        found += sweep_suites(name, seed, robot)
+        found += sweep_suites(name, seed, *how)
     if not found:
         raise InputError("suite: give --suite or --sweep, or several of them")
     return found
