@@ -81,6 +81,7 @@ class Suite:
         return {
             "task": self.task.name,
             "robot": self.robot.name,
+            "backend": self.task.backend,
             "seed": self.seed,
             "hash": self.hash,
             "control_dt": self.task.control_dt,

@@ -176,7 +176,8 @@ def _report(folder: ResultsFolder, suites: Sequence[Suite]) -> None:
     summaries.sort(key=lambda summary: names.index(summary["suite"]))
     console = Console()
     console.print(benchmark_table(summaries))
-    if any("barn_evaluated_in" in summary for summary in summaries):
-        click.echo("BARN scores: pm01 simulator, not the official BARN evaluation")
+    for label in dict.fromkeys(s.get("barn_evaluated_in") for s in summaries):
+        if label:
+            click.echo(f"BARN scores: {label}")
     click.echo(f"wrote {folder.path}/results.json, results.csv and episodes.csv")
     click.echo(f"next: pm01 report {folder.path}")

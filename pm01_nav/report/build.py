@@ -15,7 +15,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from pm01_nav.benchmark.merge import Merged, Score, merge_results
 from pm01_nav.benchmark.recorder import MAX_REASON
-from pm01_nav.benchmark.summary import SIMULATOR
 from pm01_nav.benchmark.tables import write_tables
 from pm01_nav.benchmark.trace import Trace
 from pm01_nav.config import write_atomically
@@ -96,12 +95,18 @@ def _content(merged: Merged, data: Data, names: Sequence[str]) -> dict[str, Any]
         "sweeps": sweeps,
         "swept": {row["entry"] for sweep in sweeps for row in sweep["rows"]},
         "sections": sections,
-        "barn_note": SIMULATOR if any("barn_score_2024" in s for s in data["results"]) else "",
+        "barn_note": _barn_note(data["results"]),
         "replays_data": [replay for section in sections for replay in section["packed"]],
         "style": (TEMPLATES / "report.css").read_text(encoding="utf-8"),
         "script": script,
         "script_hash": base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     }
+
+
+def _barn_note(summaries: Iterable[dict[str, Any]]) -> str:
+    """Say where these BARN scores are from; empty if there are none."""
+    labels = [s["barn_evaluated_in"] for s in summaries if "barn_evaluated_in" in s]
+    return "; ".join(dict.fromkeys(labels))
 
 
 def _entry(number: int, about: dict[str, Any]) -> dict[str, Any]:
@@ -122,6 +127,7 @@ def _section(merged: Merged, data: Data, suite: str, entries: Sequence[str]) -> 
         "name": suite,
         "about": merged.suites[suite],
         "table": figures_table(data, suite, entries),
+        "barn_note": _barn_note(summaries_on(data, suite, entries).values()),
         "pairs": pairs_table(data, suite, entries),
         "charts": distributions(merged, suite, entries),
         "replays": replays,
