@@ -95,10 +95,12 @@ def command(
 
     from pm01_nav.benchmark.runner import plan_benchmark
     from pm01_nav.benchmark.store import ResultsFolder
+    from pm01_nav.config import make_folder
 
     suites = _suites(**where)
     folder = ResultsFolder(Path(out))
     plan = plan_benchmark(folder, suites, _entries(policies, planners), episodes, replays)
+    make_folder(folder.path)
     _run(folder, plan, jobs, ray_address)
     _report(folder, suites)
 

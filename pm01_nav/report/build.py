@@ -17,7 +17,7 @@ from pm01_nav.benchmark.merge import Merged, Score, merge_results
 from pm01_nav.benchmark.recorder import MAX_REASON
 from pm01_nav.benchmark.tables import write_tables
 from pm01_nav.benchmark.trace import Trace
-from pm01_nav.config import write_atomically
+from pm01_nav.config import check_output, make_folder, write_atomically
 from pm01_nav.errors import InputError
 from pm01_nav.report.charts import COLORS, line_style
 from pm01_nav.report.origins import facts, warnings
@@ -46,16 +46,18 @@ def write_report(paths: Sequence[str | Path], out: str | Path | None = None) -> 
     Tables are written anew, into the folder if there is one, beside the report if there are more.
 
     Raises:
-        InputError: a folder has no results, or two do not belong together.
+        InputError: a folder has no results, two do not belong together, or the report or the
+            tables cannot be written.
     """
     merged = merge_results(paths)
     if not merged.scores:
         raise InputError(f"{paths[0]}: holds no results yet; `pm01 benchmark` makes some")
     out = Path(paths[0]) / "report.html" if out is None else Path(out)
-    if out.is_dir():
-        raise InputError(f"{out}: is a folder; give the report's file")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    data = write_tables(merged, Path(paths[0]) if len(paths) == 1 else out.parent)
+    tables = Path(paths[0]) if len(paths) == 1 else out.parent
+    make_folder(out.parent)
+    make_folder(tables, "folder")
+    check_output(out, "out")
+    data = write_tables(merged, tables)
     write_atomically(out, render(merged, data, [Path(path).resolve().name for path in paths]))
     return out
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pm01_nav.config import FrozenModel, merge, validate, write_atomically
+from pm01_nav.config import FrozenModel, make_folder, merge, validate, write_atomically
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.provenance import provenance
@@ -94,9 +94,9 @@ class Tuning:
         """Begin the study, or go on with it.
 
         Raises:
-            InputError: the storage cannot be used.
+            InputError: the folder or the storage cannot be used.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
+        make_folder(self.folder)
         seed = self.config.train.seed
         try:
             return optuna.create_study(

@@ -85,6 +85,16 @@ def test_barn_note_names_the_backend_of_each_suite(results, monkeypatch):
     assert f"BARN scores: {engine} BARN evaluation." in words
 
 
+@pytest.mark.parametrize(
+    ("name", "words"), [("file/x.html", "exists and is not a folder"), ("x", "is a folder")]
+)
+def test_report_that_cannot_be_written_is_said(name, words, results, tmp_path):
+    folder = results("static", "good", [True])
+    (tmp_path / "file").write_text("years of work")
+    with pytest.raises(InputError, match=words):
+        write_report([folder], tmp_path / name)
+
+
 def test_nothing_is_fetched(results):
     page = page_of(results("static", "good", [True], traces=[0]))
     assert all(address.startswith(("#", "data:,")) for address in page.addresses)
