@@ -89,7 +89,9 @@ def readme(card: dict[str, Any]) -> str:
         card["summary"],
         f"Robot `{card['robot']}`, trained on task `{card['task']}` by `{card['algorithm']}`.",
         "## Use",
-        "```bash\npip install 'pm01-nav[deploy]'\npm01 evaluate policy.onnx --episodes 1000\n```",
+        # `pm01 evaluate` simulates (sim) and runs an ONNX file (deploy); it needs no torch.
+        "```bash\npip install 'pm01-nav[sim,deploy]'\n"
+        "pm01 evaluate policy.onnx --episodes 1000\n```",
         "The file holds the normaliser, the network and the limits of the robot; its metadata "
         "(config.json) says which lidar and which limits it fits.",
         "## Results",
