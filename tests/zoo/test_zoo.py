@@ -62,6 +62,13 @@ def test_card_says_how_it_was_made_and_what_was_measured(name):
     assert card["spinning"]["share"] < 0.01
 
 
+def test_file_is_measured_on_the_whole_task_of_its_training():
+    """As docs/guide/evaluate.md has it; the task by default fixes nothing."""
+    task = trained_task("zoo:pm01-crowd")
+    assert task is not None
+    assert task.suite_params == {"pedestrians": 20}
+
+
 def test_unknown_name_lists_what_there_is():
     with pytest.raises(InputError, match=r"zoo:nobody.*pm01-static"):
         policy_file("zoo:nobody")
