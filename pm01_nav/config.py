@@ -34,6 +34,40 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
     temporary.replace(path)
 
 
+def make_folder(path: str | Path, option: str = "out") -> None:
+    """Make a folder to write into, and those above it; ``option`` is what named it.
+
+    Raises:
+        InputError: a file is in the way, or this user may not write there.
+    """
+    path = Path(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = (
+            "exists and is not a folder" if path.is_file() else f"cannot be made: {error.strerror}"
+        )
+        raise InputError(f"{option} = {path}: {reason}") from error
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise InputError(f"{option} = {path}: cannot be written to")
+
+
+def check_output(path: str | Path, option: str = "output") -> None:
+    """Make sure that a file can be written, before there is anything to lose.
+
+    Raises:
+        InputError: its folder is missing or closed to this user, or a folder has its name.
+    """
+    path = Path(path)
+    folder = path.resolve().parent
+    if not folder.is_dir():
+        raise InputError(f"{option} = {path}: its folder does not exist")
+    if path.is_dir():
+        raise InputError(f"{option} = {path}: is a folder; give the name of a file")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"{option} = {path}: its folder cannot be written to")
+
+
 class _Dumper(yaml.SafeDumper):
     """Write what stands twice twice: ``documents.load_yaml`` refuses aliases."""
 

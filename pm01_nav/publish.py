@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pm01_nav.benchmark.policies import policy_file
-from pm01_nav.config import to_yaml, write_atomically
+from pm01_nav.config import make_folder, to_yaml, write_atomically
 from pm01_nav.documents import load_json, load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.policy import OnnxPolicy
@@ -56,12 +56,12 @@ def write_repository(name: str, folder: Path) -> list[Path]:
     """Write policy.onnx, README.md (the card), config.json and results.json; return the files.
 
     Raises:
-        InputError: there is no such policy, or the folder is not empty.
+        InputError: there is no such policy, or the folder is not empty or cannot be made.
     """
     card, file = card_of(name), policy_file(name)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"output = {folder}: exists and is not an empty folder")
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder, "output")
     shutil.copyfile(file, folder / "policy.onnx")
     texts = {
         "README.md": readme(card),
@@ -89,7 +89,9 @@ def readme(card: dict[str, Any]) -> str:
         card["summary"],
         f"Robot `{card['robot']}`, trained on task `{card['task']}` by `{card['algorithm']}`.",
         "## Use",
-        "```bash\npip install 'pm01-nav[deploy]'\npm01 evaluate policy.onnx --episodes 1000\n```",
+        # `pm01 evaluate` simulates (sim) and runs an ONNX file (deploy); it needs no torch.
+        "```bash\npip install 'pm01-nav[sim,deploy]'\n"
+        "pm01 evaluate policy.onnx --episodes 1000\n```",
         "The file holds the normaliser, the network and the limits of the robot; its metadata "
         "(config.json) says which lidar and which limits it fits.",
         "## Results",

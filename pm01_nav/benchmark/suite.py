@@ -81,6 +81,7 @@ class Suite:
         return {
             "task": self.task.name,
             "robot": self.robot.name,
+            "backend": self.task.backend,
             "seed": self.seed,
             "hash": self.hash,
             "control_dt": self.task.control_dt,
@@ -111,33 +112,53 @@ def read_suite(
     if task.suite in FILE_SUITES and not path:
         raise InputError(f"suite = {text!r}: its worlds are files; write {name}=PATH")
     changes: dict[str, Any] = {"map" if task.suite == "map" else "worlds": path} if path else {}
-    if robot is not None:
-        changes["robot"] = robot
-    if randomization is not None and (chosen := load_randomization(randomization)) is not None:
-        changes["randomization"] = chosen.model_dump()
-        name += f"+{_stem(randomization)}"
-    if backend is not None and backend != task.backend:
-        changes["backend"] = backend
-        name += f"+{backend}"
-    return Suite(name, _changed(task, changes), seed)
+    how, added = _variation(task, robot, randomization, backend)
+    return Suite(name + added, _changed(task, changes | how), seed)
 
 
-def sweep_suites(name: str, seed: int, robot: str | None = None) -> list[Suite]:
-    """Return a suite for each point of a sweep.
+def sweep_suites(
+    name: str,
+    seed: int,
+    robot: str | None = None,
+    randomization: str | None = None,
+    backend: str | None = None,
+) -> list[Suite]:
+    """Return a suite for each point of a sweep; options as for ``read_suite``.
+
+    What the sweep varies goes over the ``randomization``.
 
     Raises:
-        InputError: no such sweep, or an unusable robot.
+        InputError: no such sweep, an unusable robot, or a backend that cannot have what is varied.
     """
     if name not in SWEEPS:
         raise InputError(f"sweep = {name!r}: unknown; allowed: {', '.join(SWEEPS)}")
     sweep = SWEEPS[name]
-    own: dict[str, Any] = {} if robot is None else {"robot": robot}
+    start = task_config(sweep.suite)
+    how, added = _variation(start, robot, randomization, backend)
     suites = []
     for value in sweep.values:
-        task = _changed(task_config(sweep.suite), merge(own, sweep.changes(value)))
-        point = SweepPoint(name, sweep.label, sweep.suite, value)
-        suites.append(Suite(f"{sweep.suite}@{name}={value:g}", task, seed, point))
+        task = _changed(start, merge(how, sweep.changes(value)))
+        # Of another name, so that a report draws it as a curve of its own.
+        point = SweepPoint(name + added, sweep.label, sweep.suite + added, value)
+        suites.append(Suite(f"{point.suite}@{name}={value:g}", task, seed, point))
     return suites
+
+
+def _variation(
+    task: TaskConfig, robot: str | None, randomization: str | None, backend: str | None
+) -> tuple[dict[str, Any], str]:
+    """Return changes of a task, and what they add to the suite's name."""
+    changes: dict[str, Any] = {}
+    added = ""
+    if robot is not None:
+        changes["robot"] = robot
+    if randomization is not None and (chosen := load_randomization(randomization)) is not None:
+        changes["randomization"] = chosen.model_dump()
+        added += f"+{_stem(randomization)}"
+    if backend is not None and backend != task.backend:
+        changes["backend"] = backend
+        added += f"+{backend}"
+    return changes, added
 
 
 def _changed(task: TaskConfig, changes: dict[str, Any]) -> TaskConfig:

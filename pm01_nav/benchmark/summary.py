@@ -18,7 +18,12 @@ FloatArray = NDArray[np.float64]
 
 DYNABARN_SUCCESS = 0.125
 """What the challenge's script gives for any success on DynaBARN."""
-SIMULATOR = "pm01 planar simulator, not the official BARN evaluation"
+
+
+def evaluated_in(backend: str) -> str:
+    """Say where BARN scores are from, so that nobody takes them for official ones."""
+    where = "planar simulator" if backend == "planar" else f"backend {backend}"
+    return f"pm01 {where}, not the official BARN evaluation"
 
 
 def summarize(results: EpisodeResults, config: TaskConfig) -> dict[str, Any]:
@@ -29,7 +34,12 @@ def summarize(results: EpisodeResults, config: TaskConfig) -> dict[str, Any]:
     timeout = ~(won | results.collision | failed)
     known, crowded = np.isfinite(results.shortest_path), np.isfinite(results.intrusion)
     steps = results.steps
-    summary: dict[str, Any] = {"task": config.name, "robot": config.robot, "episodes": n}
+    summary: dict[str, Any] = {
+        "task": config.name,
+        "robot": config.robot,
+        "backend": config.backend,
+        "episodes": n,
+    }
     for name, outcome in (
         ("success_rate", won),
         ("collision_rate", results.collision),
@@ -55,13 +65,13 @@ def summarize(results: EpisodeResults, config: TaskConfig) -> dict[str, Any]:
         "personal_space_time_s": _mean(config.control_dt * (results.intrusion * steps)[crowded]),
     }
     if np.isfinite(results.reference_path).all():
-        summary |= summarize_barn(results)
+        summary |= summarize_barn(results, config.backend)
     if config.suite == "dynabarn":
         summary["dynabarn_score_as_published"] = DYNABARN_SUCCESS * float(won.mean())
     return summary
 
 
-def summarize_barn(results: EpisodeResults) -> dict[str, Any]:
+def summarize_barn(results: EpisodeResults, backend: str) -> dict[str, Any]:
     """Return the BARN challenge's scores, labelled as ours: means of each world's mean.
 
     On DynaBARN the reference is the way's true length. The challenge's own script takes it for
@@ -83,7 +93,7 @@ def summarize_barn(results: EpisodeResults) -> dict[str, Any]:
     return {name: mean_over_worlds(s) for name, s in scores.items()} | {
         "barn_optimal_over_actual_time": _mean(ratio),
         "barn_worlds": len(worlds),
-        "barn_evaluated_in": SIMULATOR,
+        "barn_evaluated_in": evaluated_in(backend),
     }
 
 

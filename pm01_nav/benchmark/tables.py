@@ -9,10 +9,11 @@ import json
 from dataclasses import asdict, fields
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
+from pm01_nav.backends import BackendName
 from pm01_nav.benchmark.compare import Comparison, compare
 from pm01_nav.benchmark.merge import Merged, Score
 from pm01_nav.benchmark.recorder import EpisodeResults
@@ -26,12 +27,19 @@ FORMAT = 1
 def summary_of(score: Score, merged: Merged) -> dict[str, Any]:
     """Return an entry's figures of merit on a suite, computing times included."""
     about = merged.suites[score.suite]
-    figures = summarize(score.results, task_config(about["task"]))
+    changes = {"backend": backend_of(score.suite, about)}
+    figures = summarize(score.results, task_config(about["task"]).model_copy(update=changes))
     figures |= {"task": about["task"], "robot": about["robot"], "seed": about["seed"]}
     if score.step_ms is not None and len(score.step_ms):
         figures["compute_ms_median"] = float(np.median(score.step_ms))
         figures["compute_ms_p99"] = float(np.percentile(score.step_ms, 99))
     return {"suite": score.suite, "entry": score.entry} | figures
+
+
+def backend_of(suite: str, about: dict[str, Any]) -> str:
+    """Return what moved the robots; of older results the suite's name alone says it."""
+    named = (name for name in get_args(BackendName) if name in suite.split("+")[1:])
+    return about.get("backend") or next(named, "planar")
 
 
 def summaries_of(merged: Merged) -> list[dict[str, Any]]:

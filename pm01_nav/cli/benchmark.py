@@ -95,10 +95,12 @@ def command(
 
     from pm01_nav.benchmark.runner import plan_benchmark
     from pm01_nav.benchmark.store import ResultsFolder
+    from pm01_nav.config import make_folder
 
     suites = _suites(**where)
     folder = ResultsFolder(Path(out))
     plan = plan_benchmark(folder, suites, _entries(policies, planners), episodes, replays)
+    make_folder(folder.path)
     _run(folder, plan, jobs, ray_address)
     _report(folder, suites)
 
@@ -117,7 +119,7 @@ def _suites(
     how = (robot, randomization, backend)
     found = [read_suite(text, seed, *how) for text in dict.fromkeys(suites)]
     for name in dict.fromkeys(sweeps):
-        found += sweep_suites(name, seed, robot)
+        found += sweep_suites(name, seed, *how)
     if not found:
         raise InputError("suite: give --suite or --sweep, or several of them")
     return found
@@ -176,7 +178,8 @@ def _report(folder: ResultsFolder, suites: Sequence[Suite]) -> None:
     summaries.sort(key=lambda summary: names.index(summary["suite"]))
     console = Console()
     console.print(benchmark_table(summaries))
-    if any("barn_evaluated_in" in summary for summary in summaries):
-        click.echo("BARN scores: pm01 simulator, not the official BARN evaluation")
+    for label in dict.fromkeys(s.get("barn_evaluated_in") for s in summaries):
+        if label:
+            click.echo(f"BARN scores: {label}")
     click.echo(f"wrote {folder.path}/results.json, results.csv and episodes.csv")
     click.echo(f"next: pm01 report {folder.path}")

@@ -53,7 +53,10 @@ def command(
     """
     from pm01_nav.benchmark.evaluate import Evaluator
     from pm01_nav.benchmark.policies import load_policy, trained_task
+    from pm01_nav.config import check_output
 
+    if json_file not in (None, "-"):
+        check_output(json_file, "json")
     distance = look_ahead_from_options(global_plan, look_ahead)
     task = task_from_options(trained_task(policy), **options)
     driver = load_policy(policy, task.robot_spec(), task.control_dt)
@@ -63,7 +66,7 @@ def command(
 
 
 def _report(summary: dict[str, Any], title: str, json_file: str | None) -> None:
-    """Write the figures as JSON if asked to, and print them as a table."""
+    """Print the figures as a table, and write them as JSON if asked to; - prints JSON alone."""
     import json
 
     from rich.console import Console
@@ -76,10 +79,11 @@ def _report(summary: dict[str, Any], title: str, json_file: str | None) -> None:
     if json_file == "-":
         click.echo(text)
         return
-    if json_file:
-        write_atomically(json_file, text + "\n")
     Console().print(results_table({summary["policy"]: summary}, title))
     for reason, count in summary.get("failures", {}).items():
         click.echo(f"failed {count} times: {reason}")
     if "barn_evaluated_in" in summary:
         click.echo(f"BARN scores: {summary['barn_evaluated_in']}")
+    # Last, so that a full disk does not cost the table.
+    if json_file:
+        write_atomically(json_file, text + "\n")

@@ -15,15 +15,12 @@ def command(run: str, output: str) -> None:
     The file holds the normaliser, the network and the robot's limits, and says in its metadata
     which lidar and robot it fits and how it was made. It needs numpy and onnxruntime to run.
     """
-    from pathlib import Path
-
-    from pm01_nav.errors import InputError
+    from pm01_nav.config import check_output
     from pm01_nav.train.run_folder import RunFolder
     from pm01_nav.train.trainer import export_best
 
     folder = RunFolder(run)
     config = folder.load_config()
-    if not Path(output).resolve().parent.is_dir():
-        raise InputError(f"output = {output}: its folder does not exist")
+    check_output(output)
     export_best(folder, config, output)
     click.echo(f"wrote {output}")

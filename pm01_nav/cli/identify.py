@@ -47,7 +47,7 @@ def command(
 
     from rich.console import Console
 
-    from pm01_nav.config import to_yaml, write_atomically
+    from pm01_nav.config import check_output, to_yaml, write_atomically
     from pm01_nav.deploy.identification import identified_ranges, identified_robot, identify
     from pm01_nav.deploy.recording import read_recording
     from pm01_nav.errors import InputError
@@ -56,12 +56,16 @@ def command(
     path = Path(output)
     if path.suffix not in (".yaml", ".yml"):
         raise InputError(f"{output}: must end in .yaml")
+    ranges = path.with_name(f"{path.stem}_ranges.yaml")
+    check_output(path)
+    check_output(ranges)
+    if plot is not None:
+        _check_plot(plot)
     spec = load_robot(robot)
     found = identify(read_recording(bag, scan=scan, odometry=odom, command=cmd_vel), spec)
     _print(found, Console())
     origin = f"# Identified from {Path(bag).name} by pm01 identify.\n"
     write_atomically(path, origin + to_yaml(identified_robot(spec, found.estimates)))
-    ranges = path.with_name(f"{path.stem}_ranges.yaml")
     text = to_yaml(identified_ranges(spec, found.estimates, control_dt))
     write_atomically(ranges, origin + text)
     click.echo(f"wrote {path} and {ranges}")
@@ -70,6 +74,15 @@ def command(
 
         save_identification_plot(found.base.times, found.base.measured, found.base.predicted, plot)
         click.echo(f"wrote {plot}")
+
+
+def _check_plot(plot: str) -> None:
+    from pm01_nav.config import check_output
+    from pm01_nav.errors import InputError
+
+    if not plot.lower().endswith(".png"):
+        raise InputError(f"plot = {plot}: must end in .png")
+    check_output(plot, "plot")
 
 
 def _print(found: Identification, console: object) -> None:

@@ -59,6 +59,7 @@ def command(
 
     from pm01_nav.benchmark.policies import load_policy, trained_task
     from pm01_nav.benchmark.replay import film, photograph
+    from pm01_nav.config import check_output
     from pm01_nav.rendering.sheet import save_sheet
     from pm01_nav.rendering.video import write_video
 
@@ -67,6 +68,7 @@ def command(
     driver = load_policy(policy, task.robot_spec(), task.control_dt)
     label, how = Path(policy).name, {"look_ahead": distance, "rendered": render}
     if Path(output).suffix.lower() == ".png":
+        check_output(output)
         picture = photograph(driver, task, seed, label, **how)
         save_sheet(Image.fromarray(picture), output)
     else:

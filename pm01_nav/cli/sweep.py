@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from pm01_nav.cli.options import randomization_option, ray_option, task_options
 from pm01_nav.cli.train import fresh_config, training_options
+
+if TYPE_CHECKING:
+    from pm01_nav.train.config import RunConfig
 
 EVAL_EVERY = 250_000
 """Steps between two points of a learning curve, which `pm01 train` alone needs less densely."""
@@ -22,7 +25,14 @@ EVAL_EVERY = 250_000
 @click.option("--seeds", type=click.IntRange(1, 1000), default=5, show_default=True, metavar="N")
 @click.option("--first-seed", type=click.IntRange(0), default=0, show_default=True, metavar="N")
 @click.option("--out", required=True, metavar="DIR", help="Folder of the sweep; gone on with.")
-@click.option("--suite", "suites", multiple=True, metavar="NAME", help="Measure on this task, too.")
+@click.option(
+    "--suite",
+    "suites",
+    multiple=True,
+    metavar="NAME",
+    help="Measure on this task instead of the one trained on (repeatable); with files: barn=DIR, "
+    "dynabarn=FILE, map=FILE.",
+)
 @click.option("--episodes", type=click.IntRange(1), default=1000, show_default=True)
 @click.option(
     "--jobs",
@@ -62,10 +72,13 @@ def command(
     from pm01_nav.errors import InputError
     from pm01_nav.executors import make_executor
     from pm01_nav.rendering.sweep_plot import plot_sweep
-    from pm01_nav.train.sweep import SeedJob, Sweep
+    from pm01_nav.train.sweep import SeedJob, Sweep, suite_task
 
     config = fresh_config(options, {"eval_every": EVAL_EVERY})
-    threads = 1 if jobs > 1 or ray_address else 0
+    suites = tuple(dict.fromkeys(suites))
+    for suite in suites:
+        suite_task(suite, config)
+    threads = _threads(config, shared=jobs > 1 or ray_address is not None)
     job = SeedJob(to_yaml(config.model_dump(mode="json")), 0, suites, episodes, 1, threads)
     sweep = Sweep(Path(out), config, range(first_seed, first_seed + seeds))
     executor = make_executor(jobs, ray_address)
@@ -81,6 +94,18 @@ def command(
     click.echo(f"wrote {sweep.folder / 'sweep.json'} and sweep.png")
     if failed:
         raise InputError(f"seeds {sorted(failed)} failed; the same command tries them again")
+
+
+def _threads(config: RunConfig, *, shared: bool) -> int:
+    """Return the threads of each seed; 0 leaves them to the configuration.
+
+    How many are fastest is measured, and differs from run to run: only with a fixed number is a
+    sweep over steps the same bit for bit.
+    """
+    given = config.train.threads
+    if shared:
+        return given or 1
+    return 0 if given or config.train.time_budget is not None else 1
 
 
 def _told(seed: int, error: str | None) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from pm01_nav.config import write_atomically
+from pm01_nav.config import check_output, write_atomically
 from pm01_nav.errors import InputError
 from pm01_nav.rendering.canvas import (
     GOAL,
@@ -63,13 +63,12 @@ def save_sheet(sheet: Image.Image, path: str | Path) -> None:
     """Write a sheet as a PNG.
 
     Raises:
-        InputError: the path has another suffix, or its folder does not exist.
+        InputError: the path has another suffix, or cannot be written to.
     """
     path = Path(path)
     if path.suffix.lower() != ".png":
         raise InputError(f"output = {path}: unknown suffix; allowed: .png")
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"output = {path}: its folder does not exist")
+    check_output(path)
     content = io.BytesIO()
     sheet.save(content, format="PNG", optimize=True)
     write_atomically(path, content.getvalue())

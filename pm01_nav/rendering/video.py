@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from pm01_nav.config import check_output, make_folder
 from pm01_nav.errors import InputError
 
 Frame = NDArray[np.uint8]
@@ -32,14 +33,16 @@ def write_video(frames: Iterable[Frame], path: str | Path, fps: float) -> None:
 
     Raises:
         InputError: the suffix or ``fps`` is not allowed, there are no frames, their sizes differ
-            or are odd for an .mp4, or the packages for video are not installed.
+            or are odd for an .mp4, the packages for video are not installed, or the path cannot be
+            written to.
     """
     path = Path(path)
     if path.suffix.lower() not in WRITERS:
         raise InputError(f"video {path}: unknown suffix; allowed: {', '.join(WRITERS)}")
     if not 0.0 < fps <= 1000.0:
         raise InputError(f"fps = {fps}: must be above 0 and at most 1000")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent, "output")
+    check_output(path)
     # Beside the target, so that the last step is a rename within one file system.
     partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:

@@ -15,10 +15,9 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from pm01_nav.benchmark.merge import Merged, Score, merge_results
 from pm01_nav.benchmark.recorder import MAX_REASON
-from pm01_nav.benchmark.summary import SIMULATOR
 from pm01_nav.benchmark.tables import write_tables
 from pm01_nav.benchmark.trace import Trace
-from pm01_nav.config import write_atomically
+from pm01_nav.config import check_output, make_folder, write_atomically
 from pm01_nav.errors import InputError
 from pm01_nav.report.charts import COLORS, line_style
 from pm01_nav.report.origins import facts, warnings
@@ -47,16 +46,18 @@ def write_report(paths: Sequence[str | Path], out: str | Path | None = None) -> 
     Tables are written anew, into the folder if there is one, beside the report if there are more.
 
     Raises:
-        InputError: a folder has no results, or two do not belong together.
+        InputError: a folder has no results, two do not belong together, or the report or the
+            tables cannot be written.
     """
     merged = merge_results(paths)
     if not merged.scores:
         raise InputError(f"{paths[0]}: holds no results yet; `pm01 benchmark` makes some")
     out = Path(paths[0]) / "report.html" if out is None else Path(out)
-    if out.is_dir():
-        raise InputError(f"{out}: is a folder; give the report's file")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    data = write_tables(merged, Path(paths[0]) if len(paths) == 1 else out.parent)
+    tables = Path(paths[0]) if len(paths) == 1 else out.parent
+    make_folder(out.parent)
+    make_folder(tables, "folder")
+    check_output(out, "out")
+    data = write_tables(merged, tables)
     write_atomically(out, render(merged, data, [Path(path).resolve().name for path in paths]))
     return out
 
@@ -96,12 +97,18 @@ def _content(merged: Merged, data: Data, names: Sequence[str]) -> dict[str, Any]
         "sweeps": sweeps,
         "swept": {row["entry"] for sweep in sweeps for row in sweep["rows"]},
         "sections": sections,
-        "barn_note": SIMULATOR if any("barn_score_2024" in s for s in data["results"]) else "",
+        "barn_note": _barn_note(data["results"]),
         "replays_data": [replay for section in sections for replay in section["packed"]],
         "style": (TEMPLATES / "report.css").read_text(encoding="utf-8"),
         "script": script,
         "script_hash": base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     }
+
+
+def _barn_note(summaries: Iterable[dict[str, Any]]) -> str:
+    """Say where these BARN scores are from; empty if there are none."""
+    labels = [s["barn_evaluated_in"] for s in summaries if "barn_evaluated_in" in s]
+    return "; ".join(dict.fromkeys(labels))
 
 
 def _entry(number: int, about: dict[str, Any]) -> dict[str, Any]:
@@ -122,6 +129,7 @@ def _section(merged: Merged, data: Data, suite: str, entries: Sequence[str]) -> 
         "name": suite,
         "about": merged.suites[suite],
         "table": figures_table(data, suite, entries),
+        "barn_note": _barn_note(summaries_on(data, suite, entries).values()),
         "pairs": pairs_table(data, suite, entries),
         "charts": distributions(merged, suite, entries),
         "replays": replays,

@@ -6,18 +6,22 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pm01_nav.config import to_yaml, write_atomically
-from pm01_nav.documents import load_json
+from pm01_nav.benchmark.policies import DESCRIBED
+from pm01_nav.benchmark.suite import read_suite
+from pm01_nav.config import make_folder, to_yaml, validate, write_atomically
+from pm01_nav.documents import load_json, load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.executors import INTERRUPTED, Executor, run_pm01
 from pm01_nav.provenance import provenance
+from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.worlds import FILE_SUITES, world_pool
 from pm01_nav.train.config import RunConfig
 from pm01_nav.train.statistics import curves_at, iqm_with_interval, time_to
 
@@ -25,6 +29,9 @@ KEPT = ("config.yaml", "history.json", "run.json", "policy.onnx")
 """Files of a run that a sweep keeps."""
 EVALUATIONS = "evaluations.json"
 """The last file of a seed to be written: a seed that has it is done."""
+MEASURED = "evaluation.yaml"
+"""What the policies of a sweep are measured on, beside its config.yaml."""
+TRAINING_TASK = "training task"
 LEVELS = (0.95, 0.99)
 POINTS = 200
 """Points of the learning curves in the report."""
@@ -38,17 +45,42 @@ class SeedJob:
     """The run's configuration as YAML."""
     seed: int
     suites: tuple[str, ...]
-    """Tasks to measure the policy on, by name; none means the one it was trained on."""
+    """Tasks to measure the policy on (``suite_task``); none means the one it was trained on."""
     episodes: int
     eval_seed: int
     threads: int
     """Threads of simulator and learner; 0 leaves it to them."""
 
 
+def suite_task(text: str, config: RunConfig) -> TaskConfig:
+    """Return the task that a suite, ``NAME`` or ``NAME=PATH``, is for the policy of a run.
+
+    The robot is the one that the policy is trained for, not the suite's own.
+
+    Raises:
+        InputError: there is no such suite, its worlds cannot be had, or it has another rate.
+    """
+    trained = config.task
+    if text == trained.name:
+        task = trained.model_copy(update=DESCRIBED)
+    else:
+        # Every figure of the robot is given, so that none of the suite's own changes stays.
+        whole = trained.robot_spec().model_dump(mode="json")
+        robot = {"robot": trained.robot, "robot_changes": whole}
+        task = read_suite(text, 0).task.model_copy(update=robot)
+    if abs(task.control_dt - trained.control_dt) > 1e-9:
+        rates = f"every {task.control_dt:g} s, the policy every {trained.control_dt:g} s"
+        raise InputError(f"suite = {text!r}: acts {rates}")
+    if task.suite in FILE_SUITES:
+        world_pool(task, "held_out", 1)
+    return task
+
+
 def run_seed(job: SeedJob) -> dict[str, bytes]:
     """Train and measure in processes of their own; return the files that are worth keeping.
 
     Raises:
+        InputError: a suite cannot be had here.
         RuntimeError: a command failed or was interrupted; the text is its last words.
     """
     environment = dict(os.environ)
@@ -57,6 +89,8 @@ def run_seed(job: SeedJob) -> dict[str, bytes]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "given.yaml").write_text(job.config, encoding="utf-8")
+        # Before training, which takes minutes: another machine may lack the files of a suite.
+        suites = _suite_options(job, folder)
         given = ("--config", str(folder / "given.yaml"), "--seed", str(job.seed))
         threads = ("--set", f"train.threads={job.threads}") if job.threads else ()
         out = folder / f"seed_{job.seed}"
@@ -66,12 +100,25 @@ def run_seed(job: SeedJob) -> dict[str, bytes]:
             raise RuntimeError(told.splitlines()[0])
         files = {file: (out / file).read_bytes() for file in KEPT}
         measured = {}
-        for suite in job.suites or (None,):
-            chosen = ("--task", suite) if suite else ()
+        for suite, chosen in suites.items():
             many = ("--episodes", str(job.episodes), "--seed", str(job.eval_seed), "--json", "-")
             text = run_pm01(("evaluate", str(out), *chosen, *many), environment)
-            measured[suite or "training task"] = json.loads(text)
+            measured[suite] = json.loads(text)
     return files | {EVALUATIONS: json.dumps(measured, indent=2).encode()}
+
+
+def _suite_options(job: SeedJob, folder: Path) -> dict[str, tuple[str, ...]]:
+    """Return the options of `pm01 evaluate` for each suite; write tasks into ``folder``."""
+    if not job.suites:
+        return {TRAINING_TASK: ()}
+    config = validate(RunConfig, load_yaml(folder / "given.yaml"), "sweep")
+    options = {}
+    for number, suite in enumerate(job.suites):
+        task = suite_task(suite, config)
+        file = folder / f"suite_{number}.yaml"
+        file.write_text(to_yaml({"task": task.model_dump(mode="json")}), encoding="utf-8")
+        options[suite] = ("--task", task.name, "--config", str(file))
+    return options
 
 
 class Sweep:
@@ -81,11 +128,12 @@ class Sweep:
         """Name the folder and the runs; nothing is read or written."""
         self.folder, self.config, self.seeds = folder, config, list(seeds)
 
-    def missing(self) -> list[int]:
-        """Return the seeds that are not done.
+    def missing(self, job: SeedJob) -> list[int]:
+        """Return the seeds that are not done, each to be measured as ``job`` says.
 
         Raises:
-            InputError: the folder holds a sweep of another configuration.
+            InputError: the folder cannot be written, or holds a sweep of another configuration or
+                one that was measured on other episodes.
         """
         text = to_yaml(self.config.model_dump(mode="json"))
         stored = self.folder / "config.yaml"
@@ -96,15 +144,35 @@ class Sweep:
                 )
         elif self.folder.is_dir() and any(self.folder.iterdir()):
             raise InputError(f"out = {self.folder}: is not empty and no sweep")
-        self.folder.mkdir(parents=True, exist_ok=True)
+        measured = _measurement(job.suites, job.episodes, job.eval_seed)
+        before = self._measured_before()
+        if before not in (None, measured):
+            raise InputError(
+                f"out = {self.folder}: its seeds were measured with {_as_options(before)}, not "
+                f"{_as_options(measured)}; give the same again, or another --out"
+            )
+        make_folder(self.folder)
         write_atomically(stored, text)
+        write_atomically(self.folder / MEASURED, to_yaml(measured))
         return [s for s in self.seeds if not (self._seed_folder(s) / EVALUATIONS).is_file()]
+
+    def _measured_before(self) -> dict[str, Any] | None:
+        """Return what the seeds that are done were measured on; None if none is."""
+        done = sorted(self.folder.glob(f"seed_*/{EVALUATIONS}"))
+        if not done:
+            return None
+        if (self.folder / MEASURED).is_file():
+            return load_yaml(self.folder / MEASURED)
+        # Sweeps from before that file was written tell it by their figures.
+        found = load_json(done[0])
+        first = next(iter(found.values()))
+        return _measurement(set(found) - {TRAINING_TASK}, first["episodes"], first["seed"])
 
     def run(
         self, executor: Executor, job: SeedJob, told: Callable[[int, str | None], None]
     ) -> dict[int, str]:
         """Run the missing seeds like ``job``; return errors, of which ``told`` hears at once."""
-        missing = self.missing()
+        missing = self.missing(job)
         jobs = [replace(job, seed=seed) for seed in missing]
         failed: dict[int, str] = {}
         for done in executor.run(run_seed, jobs):
@@ -178,3 +246,13 @@ class Sweep:
 
     def _seed_folder(self, seed: int) -> Path:
         return self.folder / f"seed_{seed}"
+
+
+def _measurement(suites: Iterable[str], episodes: int, seed: int) -> dict[str, Any]:
+    """Return what decides which episodes a policy is measured on, as plain data."""
+    return {"suites": sorted(suites), "episodes": episodes, "seed": seed}
+
+
+def _as_options(measurement: dict[str, Any]) -> str:
+    suites = "".join(f"--suite {suite} " for suite in measurement["suites"])
+    return f"{suites}--episodes {measurement['episodes']} (worlds of seed {measurement['seed']})"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import model_validator
 
-from pm01_nav.config import FrozenModel, merge, validate, write_atomically
+from pm01_nav.config import FrozenModel, make_folder, merge, validate, write_atomically
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.provenance import provenance
@@ -166,12 +166,7 @@ class Tuning:
             InputError: the folder cannot be made, the storage cannot be used, or it holds a search
                 for something else.
         """
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except FileExistsError as error:
-            raise InputError(f"out = {self.folder}: exists and is not a folder") from error
-        except OSError as error:
-            raise InputError(f"out = {self.folder}: cannot be made: {error.strerror}") from error
+        make_folder(self.folder)
         try:
             study = optuna.create_study(
                 storage=self._storage(),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pm01_nav.config import write_atomically
+from pm01_nav.config import check_output, write_atomically
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import points_in_polygon
@@ -97,10 +97,7 @@ def write_world(
     path = Path(path)
     if format not in WORLD_FORMATS:
         raise InputError(f"format = {format!r}: unknown; allowed: {', '.join(WORLD_FORMATS)}")
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"{path}: its folder does not exist")
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder; give the name of a file")
+    check_output(path)
     if format == "yaml":
         write_yaml_world(world, path)
     elif format == "map":

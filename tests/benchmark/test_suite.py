@@ -98,6 +98,35 @@ def test_a_sweep_changes_what_it_says() -> None:
     assert sweep_suites("density", seed=1)[1].task.suite_params == {"obstacles": 8}
 
 
+def test_a_sweep_takes_backend_and_randomization(tmp_path) -> None:
+    """What is varied goes over the file; the curve has a name of its own."""
+    in_engine = sweep_suites("density", seed=1, backend="mujoco")[1]
+    assert in_engine.task.backend == "mujoco"
+    assert in_engine.task.suite_params == {"obstacles": 8}
+    assert in_engine.name == "static+mujoco@density=8"
+    assert in_engine.point is not None
+    assert (in_engine.point.sweep, in_engine.point.suite) == ("density+mujoco", "static+mujoco")
+    file = tmp_path / "harsh.yaml"
+    file.write_text("{command_delay: [2, 2], lidar_noise_std: [0.3, 0.3]}\n", encoding="utf-8")
+    noisy = sweep_suites("lidar_noise", seed=1, randomization=str(file))[2]
+    assert noisy.name == "static+harsh@lidar_noise=0.05"
+    assert noisy.task.randomization is not None
+    assert noisy.task.randomization.lidar_noise_std == (0.05, 0.05)
+    assert noisy.task.randomization.command_delay == (2, 2)
+
+
+def test_an_engine_without_what_a_sweep_varies_is_refused() -> None:
+    with pytest.raises(InputError, match="randomization: only the backend planar has it"):
+        sweep_suites("lidar_noise", seed=1, backend="mujoco")
+
+
+def test_command_hands_its_options_to_sweeps() -> None:
+    from pm01_nav.cli.benchmark import _suites
+
+    suites = _suites(("static",), ("density",), 1, "jackal", None, "mujoco")
+    assert {(suite.task.backend, suite.task.robot) for suite in suites} == {("mujoco", "jackal")}
+
+
 def test_an_unknown_sweep_is_refused() -> None:
     with pytest.raises(InputError, match="sweep = 'moon': unknown; allowed: density"):
         sweep_suites("moon", seed=1)

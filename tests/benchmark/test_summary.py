@@ -23,3 +23,14 @@ def test_who_takes_long_is_close_to_people_for_longer(make_results):
 def test_without_pedestrians_nothing_is_said_of_them(make_results):
     summary = summarize(make_results("s"), task_config("static"))
     assert summary["personal_space_time_s"] is None
+
+
+@pytest.mark.parametrize(
+    ("backend", "label"),
+    [("planar", "pm01 planar simulator, not"), ("mujoco", "pm01 backend mujoco, not")],
+)
+def test_barn_scores_say_what_moved_the_robots(make_results, backend, label):
+    config = task_config("barn").model_copy(update={"backend": backend})
+    summary = summarize(make_results("s", reference_path=np.array([10.0])), config)
+    assert summary["backend"] == backend
+    assert summary["barn_evaluated_in"] == f"{label} the official BARN evaluation"

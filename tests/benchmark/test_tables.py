@@ -11,7 +11,8 @@ import pytest
 
 from pm01_nav.benchmark.merge import merge_results
 from pm01_nav.benchmark.store import Part, ResultsFolder
-from pm01_nav.benchmark.tables import write_tables
+from pm01_nav.benchmark.suite import read_suite
+from pm01_nav.benchmark.tables import backend_of, write_tables
 
 ABOUT = {"task": "static", "robot": "pm01", "seed": 1, "control_dt": 0.1}
 
@@ -76,3 +77,13 @@ def test_csv_of_episodes(written) -> None:
     assert [row["episode"] for row in rows[4:8]] == ["0", "1", "2", "3"]
     assert {float(row["path_length"]) for row in rows} == {5.0}
     assert np.isnan(float(rows[0]["intrusion"]))
+
+
+def test_backend_is_known_of_new_and_of_older_results(written) -> None:
+    """Older headers have no such key; the suite's name had the backend added even then."""
+    data = json.loads((written / "results.json").read_text(encoding="utf-8"))
+    assert {result["backend"] for result in data["results"]} == {"planar"}
+    assert backend_of("barn+pybullet", ABOUT) == "pybullet"
+    assert backend_of("barn+harsh", ABOUT) == "planar"
+    suite = read_suite("static", 1, backend="mujoco")
+    assert backend_of("any", suite.describe()) == "mujoco"

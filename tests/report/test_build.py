@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -64,6 +65,34 @@ def test_whole_report(results):
     # The collision comes before the success.
     keys = re.findall('data-key="([^"]*)"', text)
     assert keys[2:] == ["static/bad/3", "static/bad/0"]
+
+
+def test_barn_note_names_the_backend_of_each_suite(results, monkeypatch):
+    """Scores of a suite in the plane and of one in an engine, in one report."""
+    import numpy as np
+
+    from tests.report import conftest
+
+    made = conftest._results
+    lengths = {"reference_path": np.array([10.0])}
+    monkeypatch.setattr(conftest, "_results", lambda won: replace(made(won), **lengths))
+    folder = results("static", "good", [True])
+    results("static+mujoco", "good", [True])
+    words = page_of(folder).words
+    planar, engine = (f"pm01 {w}, not the official" for w in ("planar simulator", "backend mujoco"))
+    assert f"BARN scores below: {planar} BARN evaluation; {engine} BARN evaluation." in words
+    assert f"BARN scores: {planar} BARN evaluation." in words
+    assert f"BARN scores: {engine} BARN evaluation." in words
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("file/x.html", "exists and is not a folder"), ("x", "is a folder")]
+)
+def test_report_that_cannot_be_written_is_said(name, words, results, tmp_path):
+    folder = results("static", "good", [True])
+    (tmp_path / "file").write_text("years of work")
+    with pytest.raises(InputError, match=words):
+        write_report([folder], tmp_path / name)
 
 
 def test_nothing_is_fetched(results):

@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import json
+import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -59,6 +62,13 @@ def test_card_says_how_it_was_made_and_what_was_measured(name):
     assert card["spinning"]["share"] < 0.01
 
 
+def test_file_is_measured_on_the_whole_task_of_its_training():
+    """As docs/guide/evaluate.md has it; the task by default fixes nothing."""
+    task = trained_task("zoo:pm01-crowd")
+    assert task is not None
+    assert task.suite_params == {"pedestrians": 20}
+
+
 def test_unknown_name_lists_what_there_is():
     with pytest.raises(InputError, match=r"zoo:nobody.*pm01-static"):
         policy_file("zoo:nobody")
@@ -92,3 +102,49 @@ def test_card_of_a_policy_that_was_not_measured_says_so(tmp_path):
     card = card_of(str(file))
     assert card["name"] == "mine"
     assert "Not measured" in readme(card)
+
+
+EXTRAS = {
+    "train": {"torch", "stable_baselines3", "sb3_contrib", "onnx", "onnxscript", "tensorboard"},
+    "viz": {"matplotlib", "imageio", "imageio_ffmpeg", "jinja2", "pygame"},
+    "deploy": {"onnxruntime"},
+    "sim": {
+        "click",
+        "defusedxml",
+        "gymnasium",
+        "numba",
+        "PIL",
+        "pydantic",
+        "yaml",
+        "rich",
+        "scipy",
+    },
+}
+"""What each extra of pyproject.toml has alone, as it is imported."""
+WITHOUT = """
+import sys
+class Without:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in set(sys.argv[1].split(",")):
+            raise ImportError(name)
+sys.meta_path.insert(0, Without())
+from pm01_nav.cli import pm01
+pm01(sys.argv[2:])
+"""
+
+
+def test_card_installs_what_its_command_needs(tmp_path):
+    """The command of the card runs where nothing but its extras can be imported."""
+    write_repository("zoo:pm01-static", tmp_path / "x")
+    card = (tmp_path / "x" / "README.md").read_text()
+    extras, command = re.findall(r"pip install 'pm01-nav\[(.*)\]'\npm01 (.*)\n", card)[0]
+    missing = set().union(*(EXTRAS[name] for name in EXTRAS.keys() - set(extras.split(","))))
+    words = command.replace("1000", "1").split()
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT, ",".join(missing), *words],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path / "x",
+    )
+    assert done.returncode == 0, done.stderr
+    assert "success" in done.stdout
