@@ -14,7 +14,7 @@ from pm01_nav.rendering.training_plot import HELD_OUT, INK, STYLE
 
 
 def plot_sweep(report: dict[str, Any], path: str | Path) -> None:
-    """Draw the report of a sweep into a PNG: every seed, their IQM and its interval.
+    """Draw the report of a sweep into a PNG: IQM and interval, and each evaluation of each seed.
 
     Raises:
         InputError: matplotlib is not installed.
@@ -29,26 +29,31 @@ def plot_sweep(report: dict[str, Any], path: str | Path) -> None:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.0, 4.5), dpi=120, layout="constrained")
         axes = figure.subplots()
-        curve = report["curve"]
-        for seconds, rates in curve["seeds"].values():
-            axes.plot(seconds, 100.0 * np.array(rates), color=INK, alpha=0.35, linewidth=1.0)
-        axes.plot([], [], color=INK, alpha=0.35, label="each seed")
-        low_high = [pair or (np.nan, np.nan) for pair in curve["ci95"]]
-        low, high = 100.0 * np.array(low_high, dtype=np.float64).T
-        axes.fill_between(curve["seconds"], low, high, color=HELD_OUT, alpha=0.2, linewidth=0.0)
-        iqm = 100.0 * np.array(curve["iqm"])
-        label = "IQM, 95 % bootstrap interval"
-        axes.plot(curve["seconds"], iqm, color=HELD_OUT, linewidth=2.2, label=label)
+        _draw(axes, report["training_curve"], INK, "episodes in training, with exploration")
+        _draw(axes, report["curve"], HELD_OUT, "greedy policy on held-out worlds; dots: each seed")
+        for seconds, rates in report["curve"]["seeds"].values():
+            percent = 100.0 * np.array(rates)
+            axes.plot(seconds, percent, "o-", color=HELD_OUT, alpha=0.5, linewidth=0.8, ms=3.0)
         for level in (95.0, 99.0):
             axes.axhline(level, color="#b4bcc8", linewidth=0.8, linestyle="--")
-        count = len(curve["seeds"])
+        count = len(report["curve"]["seeds"])
         axes.set_title(f"{report['algorithm']} on {report['task']}, {count} seeds")
         axes.set_xlabel("training time [s]")
-        axes.set_ylabel("success on held-out worlds [%]")
+        axes.set_ylabel("success [%]")
+        axes.set_xlim(left=0.0)
         axes.set_ylim(0.0, 101.0)
-        axes.legend(loc="lower right")
+        axes.legend(loc="lower right", title="IQM over seeds, 95 % bootstrap interval")
         try:
             figure.savefig(partial, format="png")
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
+
+
+def _draw(axes: Any, curve: dict[str, Any], color: str, label: str) -> None:
+    """Draw an interquartile mean and the band of its interval."""
+    low_high = [pair or (np.nan, np.nan) for pair in curve["ci95"]]
+    low, high = 100.0 * np.array(low_high, dtype=np.float64).reshape(-1, 2).T
+    axes.fill_between(curve["seconds"], low, high, color=color, alpha=0.2, linewidth=0.0)
+    iqm = 100.0 * np.array(curve["iqm"], dtype=np.float64)
+    axes.plot(curve["seconds"], iqm, color=color, linewidth=2.0, label=label)

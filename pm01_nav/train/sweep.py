@@ -206,7 +206,7 @@ class Sweep:
             "seeds_missing": [s for s in self.seeds if s not in done],
             "success_rate": together,
             "runs": runs,
-            "curve": self._curve(done),
+            **self._curves(done),
             **provenance(),
         }
 
@@ -223,19 +223,14 @@ class Sweep:
             **{f"seconds_to_{level:.0%}": time_to(rates, seconds, level) for level in LEVELS},
         }
 
-    def _curve(self, done: Sequence[int]) -> dict[str, Any]:
-        """Return the success of the evaluations along the way over time, and over all seeds."""
+    def _curves(self, done: Sequence[int]) -> dict[str, Any]:
+        """Return success over time, of all seeds: in training, and on held-out worlds."""
         histories = [load_json(self._seed_folder(s) / "history.json") for s in done]
-        curves = [(h["eval_seconds"], h["eval_success_rate"]) for h in histories]
-        first = max(min(x) for x, _ in curves)
-        times = np.linspace(first, max(max(x) for x, _ in curves), POINTS)
-        rows = curves_at(times, curves)
-        found = [iqm_with_interval(rows[:, [k]]) for k in range(len(times))]
+        held_out = [(h["eval_seconds"], h["eval_success_rate"]) for h in histories]
+        seeds = {str(s): [list(x), list(y)] for s, (x, y) in zip(done, held_out, strict=True)}
         return {
-            "seconds": times.round(2).tolist(),
-            "iqm": [f["iqm"] for f in found],
-            "ci95": [f["ci95"] for f in found],
-            "seeds": {str(s): [list(x), list(y)] for s, (x, y) in zip(done, curves, strict=True)},
+            "training_curve": _together([_known(h) for h in histories]),
+            "curve": _together(held_out) | {"seeds": seeds},
         }
 
     def _keep(self, seed: int, files: dict[str, bytes]) -> None:
@@ -246,6 +241,28 @@ class Sweep:
 
     def _seed_folder(self, seed: int) -> Path:
         return self.folder / f"seed_{seed}"
+
+
+def _known(history: dict[str, Any]) -> tuple[list[float], list[float]]:
+    """Return seconds and success in training from the first episode that ended."""
+    pairs = zip(history["seconds"], history["success_rate"], strict=True)
+    known = [(x, y) for x, y in pairs if y is not None and np.isfinite(y)]
+    return [x for x, _ in known], [y for _, y in known]
+
+
+def _together(curves: Sequence[tuple[Sequence[float], Sequence[float]]]) -> dict[str, Any]:
+    """Return the interquartile mean of curves (x, y) with its interval, once all have begun."""
+    begun = [(x, y) for x, y in curves if len(x)]
+    if not begun:
+        return {"seconds": [], "iqm": [], "ci95": []}
+    times = np.linspace(max(min(x) for x, _ in begun), max(max(x) for x, _ in begun), POINTS)
+    rows = curves_at(times, begun)
+    found = [iqm_with_interval(rows[:, [k]]) for k in range(len(times))]
+    return {
+        "seconds": times.round(2).tolist(),
+        "iqm": [f["iqm"] for f in found],
+        "ci95": [f["ci95"] for f in found],
+    }
 
 
 def _measurement(suites: Iterable[str], episodes: int, seed: int) -> dict[str, Any]:

@@ -39,6 +39,8 @@ class Pretended:
             history = {
                 "steps": [1000.0, 2000.0],
                 "seconds": [5.0, 11.0],
+                # No episode has ended in the first iteration; null in the file.
+                "success_rate": [None, rates[1]],
                 "eval_seconds": [5.0, 10.0],
                 "eval_success_rate": rates,
             }
@@ -77,6 +79,8 @@ def test_report_of_all_seeds_and_going_on_after_a_failure(tmp_path):
     assert report["runs"][2]["seconds_to_99%"] == 10.0
     assert report["curve"]["seconds"][0] == 5.0
     assert report["curve"]["iqm"][0] == pytest.approx((0.5 + 0.7 + 0.6) / 3)
+    assert set(report["training_curve"]["seconds"]) == {11.0}
+    assert report["training_curve"]["iqm"][-1] == pytest.approx((0.96 + 0.9 + 1.0) / 3)
     assert report["git_revision"] is not None
 
 
@@ -86,8 +90,13 @@ def test_report_is_drawn(tmp_path):
 
     sweep = Sweep(tmp_path / "x", config(), range(3))
     sweep.run(Pretended(), job(), lambda seed, error: None)
-    plot_sweep(sweep.report(), tmp_path / "x.png")
+    report = sweep.report()
+    plot_sweep(report, tmp_path / "x.png")
     assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+    # No episode of a run of seconds may have ended.
+    nothing = {"seconds": [], "iqm": [], "ci95": []}
+    plot_sweep(report | {"training_curve": nothing}, tmp_path / "y.png")
+    assert (tmp_path / "y.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_folder_of_another_sweep_is_left_alone(tmp_path):
