@@ -246,7 +246,7 @@ class Sweep:
 def _known(history: dict[str, Any]) -> tuple[list[float], list[float]]:
     """Return seconds and success in training from the first episode that ended."""
     pairs = zip(history["seconds"], history["success_rate"], strict=True)
-    known = [(x, y) for x, y in pairs if y is not None and np.isfinite(y)]
+    known = [(x, y) for x, y in pairs if y is not None]
     return [x for x, _ in known], [y for _, y in known]
 
 

@@ -85,7 +85,8 @@ def train(
     model = _learner(config, batch, budget, host)
     if data is not None:
         _go_on(data, model, supervision)
-    # Only now that nothing can be wrong any more what a former run left may be replaced.
+    # What a former run left may be replaced only now that all has been looked at. (Weights & Biases
+    # may still refuse: it needs the folder.)
     if resume:
         folder.store(config)
     else:
@@ -95,18 +96,26 @@ def train(
     _announce(progress, compiled, threads)
     if data is None:
         budget.learning_since = budget.seconds
-    diverging = divergence_told(model.policy, config.train.algo)
+    _learn(model, supervision, fresh=data is None)
+    export_best(folder, config)
+    return supervision.result()
+
+
+def _learn(model: Any, supervision: Supervision, *, fresh: bool) -> None:
+    """Learn until ``supervision`` has had enough or Ctrl-C is pressed.
+
+    Raises:
+        InputError: the training diverged.
+    """
+    diverging = divergence_told(model.policy, supervision.config.train.algo)
     with _stop_on_interrupt(supervision.interrupted.set), diverging:
         if isinstance(model, BaseAlgorithm):
-            fresh = data is None
             # Algorithms with a replay buffer would log every so many episodes of their own accord.
             pause = 2**62 if hasattr(model, "replay_buffer") else 1
             model.learn(2**62, supervision, log_interval=pause, reset_num_timesteps=fresh)
         else:
             model.learn(supervision)
     model.logger.close()
-    export_best(folder, config)
-    return supervision.result()
 
 
 def _environments(config: RunConfig, arrays: Arrays) -> tuple[Batch, Curriculum]:
