@@ -12,6 +12,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -178,6 +179,12 @@ class Controller:
         if dropped:
             self.cancel()
         return Status(verdict, distance, arrived, dropped, len(self._goals))
+
+    def distance_left(self, now: float) -> float:
+        """Return the length of the straight way past all goals [m]; NaN as in ``Status``."""
+        places = [(goal.x, goal.y) for goal in self._goals]
+        between = (math.dist(a, b) for a, b in pairwise(places))
+        return self._distance(now) + sum(between)
 
     def _distance(self, now: float) -> float:
         """Return how far the present goal is [m]; NaN without one, or where the robot is lost."""

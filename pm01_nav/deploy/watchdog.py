@@ -41,7 +41,7 @@ class Guard:
 
     def __init__(self, timeout_s: float = WATCHDOG_S) -> None:
         """Allow silences of ``timeout_s`` [s]."""
-        self._timeout = timeout_s
+        self.timeout_s = timeout_s
         self._heard = -math.inf
         self._moves = False
 
@@ -52,12 +52,12 @@ class Guard:
     def must_stop(self, now: float) -> bool:
         """Tell whether to say stop at ``now`` [s]."""
         silence = now - self._heard
-        if not self._moves or 0.0 <= silence <= self._timeout:
+        if not self._moves or 0.0 <= silence <= self.timeout_s:
             return False
         if silence < 0.0:
             # The clock went back; the stop is repeated from here on.
-            silence, self._heard = self._timeout, now - self._timeout
-        self._moves = silence <= self._timeout + STOP_FOR_S
+            silence, self._heard = self.timeout_s, now - self.timeout_s
+        self._moves = silence <= self.timeout_s + STOP_FOR_S
         return self._moves
 
 
