@@ -5,13 +5,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav2_msgs.action import NavigateThroughPoses, NavigateToPose
-from rclpy.action.server import ServerGoalHandle
-from rclpy.task import Future
 from rclpy.time import Time
 from tf2_ros import Buffer, TransformException
 
@@ -53,16 +51,24 @@ class Place(NamedTuple):
     yaw: float | None
 
 
+class Client(Protocol):
+    """Whoever sent an errand by an action, and hears of its end."""
+
+    def end(self, outcome: Outcome) -> None:
+        """Hear it."""
+        ...
+
+
 @dataclass
 class Errand:
     """One or several goals as they were given, and who waits for their end."""
 
     poses: list[PoseStamped]
     started: float
-    handle: ServerGoalHandle | None = None
-    """The action's goal; None for a goal from a topic."""
-    ended: Future = field(default_factory=Future)
-    """Gets the outcome."""
+    client: Client | None = None
+    """Who sent it by an action; None for a goal from a topic."""
+    elapsed: float = 0.0
+    """Since it started [s]."""
     places: list[Place] = field(default_factory=list)
     """Where the poses are; empty until tf knows all their frames."""
     begun: bool = False
@@ -76,9 +82,9 @@ class Errand:
         self.remaining = len(self.poses)
 
     def end(self, outcome: Outcome) -> None:
-        """Say how it ended, once."""
-        if not self.ended.done():
-            self.ended.set_result(outcome)
+        """Say how it ended."""
+        if self.client is not None:
+            self.client.end(outcome)
 
     def locate(self, frames: Frames, buffer: Buffer) -> bool:
         """Find out, once, where the poses are; tell whether it is known."""

@@ -28,7 +28,7 @@ from pm01_nav.deploy.messages import odometry_from_ros, scan_from_ros
 from pm01_nav.deploy.safety import STOP, Command, Reason
 from pm01_nav.deploy.watchdog import Turn, Watchdog
 from pm01_nav.errors import InputError
-from pm01_rl.action_servers import ACTIONS, GoalServers, publish_feedback
+from pm01_rl.action_servers import ACTIONS, Client, GoalServers
 from pm01_rl.conversions import command_message
 from pm01_rl.diagnostics import Timing, diagnostics
 from pm01_rl.emergency_stop import EmergencyStop
@@ -242,18 +242,18 @@ class PolicyNode(LifecycleNode):
         sound = self._mount.difference is None and not self._others.servers
         return self._active and not self._stop_button.pressed and sound
 
-    def _begin(self, poses: list[PoseStamped], handle: ServerGoalHandle | None = None) -> Errand:
+    def _begin(self, poses: list[PoseStamped], client: Client | None = None) -> None:
         """Head for other goals instead of the present ones."""
         self._end_errand("preempted")
-        errand = Errand(poses, self._now(), handle)
+        errand = Errand(poses, self._now(), client)
         if self._active and not self._stop_button.pressed:
             self._errand = errand
         else:
             errand.end(Outcome("dropped"))
-        return errand
 
     def _on_cancel(self, handle: ServerGoalHandle) -> None:
-        if self._errand is not None and self._errand.handle is handle:
+        errand = self._errand
+        if errand is not None and errand.client is not None and errand.client.handle is handle:
             self._end_errand("canceled")
 
     def _end_errand(self, kind: str, status: Status | None = None) -> None:
@@ -313,7 +313,8 @@ class PolicyNode(LifecycleNode):
         if errand is None:
             return
         # The clock may have gone back.
-        waited = abs(now - errand.started) > float(self._value("goal_patience_s"))
+        errand.elapsed = abs(now - errand.started)
+        waited = errand.elapsed > float(self._value("goal_patience_s"))
         if errand.begun:
             errand.remaining = status.remaining
         if status.arrived and status.remaining == 0:
@@ -343,10 +344,9 @@ class PolicyNode(LifecycleNode):
         """Tell the action's client, and RViz."""
         status, controller, errand = self._status, self.controller, self._errand
         stamp = self.get_clock().now().to_msg()
-        if errand is not None and errand.handle is not None:
-            header = (stamp, self._frames.odometry)
+        if errand is not None and errand.client is not None:
             pose, left = controller.supervisor.pose(now), controller.distance_left(now)
-            publish_feedback(errand, pose, header, now - errand.started, left)
+            errand.client.tell(errand, (stamp, self._frames.odometry), pose, left)
         if self._value("publish_markers") and self._markers.get_subscription_count() > 0:
             text = "; ".join(reason.value for reason in status.verdict.reasons) or "driving"
             frames = (self._frames.odometry, str(self._value("base_frame")))
