@@ -123,7 +123,11 @@ def watcher(rclpy):
     def moves():
         return bool(node.commands) and abs(node.commands[-1][1].linear.x) > 0.05
 
-    node.wait_for, node.send_goal, node.moves = wait_for, send_goal, moves
+    def set_off(**goal):
+        # On a busy machine a robot may take longer to wake up than a goal is waited for.
+        assert any(send_goal(**goal) or wait_for(moves, 5.0) for _ in range(20))
+
+    node.wait_for, node.send_goal, node.moves, node.set_off = wait_for, send_goal, moves, set_off
     yield node
     node.destroy_node()
 

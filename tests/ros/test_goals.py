@@ -106,7 +106,13 @@ def test_a_goal_ahead_of_the_robot_stays_where_it_was(
     start, watcher, policy_file, action, odometry
 ):
     start("sim_node", world="empty")
-    start("policy_node", policy=policy_file, autostart="true", goal_radius="0.1")
+    start(
+        "policy_node",
+        policy=policy_file,
+        autostart="true",
+        goal_radius="0.1",
+        use_sim_time="true",
+    )
     assert watcher.wait_for(lambda: bool(odometry))
     began = odometry[-1]
     handle, _ = action(pose("base_link", 1.0, 0.0))

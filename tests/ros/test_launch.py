@@ -47,7 +47,7 @@ def test_a_killed_policy_stops_the_robot(launched, watcher):
 
     speed = []
     watcher.create_subscription(Odometry, "/odom", lambda m: speed.append(m.twist.twist), 10)
-    watcher.send_goal()
+    watcher.set_off()
     assert watcher.wait_for(lambda: bool(speed) and speed[-1].linear.x > 0.1)
     os.kill(process_of(launched, "policy_node"), signal.SIGKILL)
     killed = time.monotonic()

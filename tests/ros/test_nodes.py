@@ -26,15 +26,13 @@ def test_drives_stops_for_the_emergency_stop_and_for_a_dead_sensor(
     start("policy_node", policy=policy_file, autostart="true", publish_markers="true")
     assert watcher.wait_for(lambda: bool(watcher.commands))
     assert not watcher.moves()
-    watcher.send_goal()
-    assert watcher.wait_for(lambda: watcher.moves())
+    watcher.set_off()
     name = "/policy_node/emergency_stop"
     assert call(SetBool, name, SetBool.Request(data=True)).success
     assert watcher.wait_for(lambda: not watcher.moves(), 2.0)
     call(SetBool, name, SetBool.Request(data=False))
     assert not watcher.wait_for(lambda: watcher.moves(), 1.0)
-    watcher.send_goal()
-    assert watcher.wait_for(lambda: watcher.moves())
+    watcher.set_off()
     os.killpg(sim.pid, signal.SIGKILL)
     killed = time.monotonic()
     assert watcher.wait_for(lambda: not watcher.moves(), 5.0)
@@ -102,8 +100,7 @@ def test_whatever_ends_the_active_state_stops_the_robot(
     for transition in ("deactivate", "active_shutdown"):
         if state() == "inactive":
             assert change_state("activate")
-        watcher.send_goal()
-        assert watcher.wait_for(lambda: watcher.moves())
+        watcher.set_off()
         assert change_state(transition)
         assert watcher.wait_for(lambda: not watcher.moves(), 2.0)
         # And it is not told anything else afterwards.
@@ -120,8 +117,7 @@ def test_the_emergency_stop_holds_whoever_repeats_that_it_is_released(
     start("policy_node", policy=policy_file, autostart="true")
     button = watcher.create_publisher(Bool, "/emergency_stop", 1)
     assert watcher.wait_for(lambda: button.get_subscription_count() > 0)
-    watcher.send_goal()
-    assert watcher.wait_for(lambda: watcher.moves())
+    watcher.set_off()
     # A button that says ten times a second that nobody presses it does not end the goal...
     watcher.create_timer(0.1, lambda: button.publish(Bool(data=False)))
     assert not watcher.wait_for(lambda: not watcher.moves(), 1.5)
@@ -134,8 +130,7 @@ def test_the_emergency_stop_holds_whoever_repeats_that_it_is_released(
     watcher.send_goal()
     assert not watcher.wait_for(lambda: watcher.moves(), 1.5)
     assert call(SetBool, name, SetBool.Request(data=False)).success
-    watcher.send_goal()
-    assert watcher.wait_for(lambda: watcher.moves())
+    watcher.set_off()
 
 
 def test_an_emergency_stop_that_was_latched_before_the_start_is_heard(start, watcher, policy_file):
@@ -236,8 +231,7 @@ def test_a_transform_that_is_published_no_longer_stops_the_robot(start, watcher,
         last.append(time.monotonic())
 
     timer = watcher.create_timer(0.05, publish)
-    watcher.send_goal(frame="elsewhere")
-    assert watcher.wait_for(lambda: watcher.moves())
+    watcher.set_off(frame="elsewhere")
     assert not watcher.wait_for(lambda: not watcher.moves(), 1.5)
     timer.cancel()
     assert watcher.wait_for(lambda: not watcher.moves(), 5.0)

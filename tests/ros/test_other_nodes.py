@@ -19,25 +19,43 @@ def said(watcher):
     return lines
 
 
-def test_a_goal_that_would_start_two_is_not_served(start, watcher, policy_file, said, change_state):
+@pytest.fixture
+def serve(watcher):
+    """Return a function that serves ``navigate_to_pose``, as Nav2's bt_navigator does."""
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionServer
 
-    server = ActionServer(watcher, NavigateToPose, "/navigate_to_pose", lambda handle: None)
+    servers = []
+
+    def run() -> None:
+        servers.append(
+            ActionServer(watcher, NavigateToPose, "/navigate_to_pose", lambda handle: None)
+        )
+
+    run.servers = servers
+    yield run
+    for server in servers:
+        server.destroy()
+
+
+def test_a_goal_that_would_start_two_is_not_served(
+    start, watcher, policy_file, said, change_state, serve
+):
+    serve()
     start("policy_node", policy=policy_file)
     assert change_state("configure")
     assert not change_state("activate")
     assert watcher.wait_for(lambda: any("/watcher also serves" in line for line in said), 5.0)
     # It says what to do, and does it no longer when the other has gone.
     assert any("navigate_to_pose:=" in line for line in said)
-    server.destroy()
+    serve.servers.pop().destroy()
     watcher.wait_for(lambda: False, 1.0)
     assert change_state("activate")
 
 
-def test_a_server_that_comes_later_ends_that_goals_are_taken(start, watcher, policy_file):
+def test_a_server_that_comes_later_ends_that_goals_are_taken(start, watcher, policy_file, serve):
     from nav2_msgs.action import NavigateThroughPoses, NavigateToPose
-    from rclpy.action import ActionClient, ActionServer
+    from rclpy.action import ActionClient
 
     start("policy_node", policy=policy_file, autostart="true")
     client = ActionClient(watcher, NavigateThroughPoses, "/navigate_through_poses")
@@ -52,16 +70,15 @@ def test_a_server_that_comes_later_ends_that_goals_are_taken(start, watcher, pol
         return future.result().accepted
 
     assert watcher.wait_for(accepted)
-    ActionServer(watcher, NavigateToPose, "/navigate_to_pose", lambda handle: None)
+    serve()
     assert watcher.wait_for(lambda: not accepted(), 10.0)
 
 
-def test_the_launch_file_gives_the_actions_other_names(watcher, policy_file, launch):
+def test_the_launch_file_gives_the_actions_other_names(watcher, policy_file, launch, serve):
     from nav2_msgs.action import NavigateToPose
-    from rclpy.action import ActionClient, ActionServer
+    from rclpy.action import ActionClient
 
-    # As Nav2's bt_navigator does.
-    ActionServer(watcher, NavigateToPose, "/navigate_to_pose", lambda handle: None)
+    serve()
     names = ("navigate_to_pose", "navigate_through_poses", "goal_pose")
     launch(f"policy:={policy_file}", *(f"{name}:=ours/{name}" for name in names))
     client = ActionClient(watcher, NavigateToPose, "/ours/navigate_to_pose")
@@ -79,8 +96,7 @@ def test_the_launch_file_gives_the_actions_other_names(watcher, policy_file, lau
 def test_without_a_goal_others_drive_undisturbed(start, watcher, policy_file):
     start("sim_node", world="empty")
     start("policy_node", policy=policy_file, autostart="true")
-    watcher.send_goal()
-    assert watcher.wait_for(lambda: watcher.moves())
+    watcher.set_off()
     # A goal without a place ends the present one.
     watcher.send_goal("odom", float("nan"), 0.0)
     assert watcher.wait_for(lambda: not watcher.moves())
@@ -126,8 +142,7 @@ def test_a_second_publisher_is_named_and_with_exclusive_a_stop(
     )
     start("sim_node", world="empty")
     start("policy_node", policy=policy_file, autostart="true", exclusive=exclusive)
-    watcher.send_goal()
-    assert watcher.wait_for(lambda: watcher.moves())
+    watcher.set_off()
     assert not any("watcher" in report.message for report in reports)
     watcher.create_publisher(Twist, "/cmd_vel", 1)
     assert watcher.wait_for(lambda: "/watcher" in reports[-1].message, 5.0)
@@ -171,8 +186,7 @@ def test_a_lidar_whose_place_becomes_known_late_stops_the_robot(start, watcher, 
     body.lidar = None
     body.live()
     start("policy_node", policy=policy_file, autostart="true")
-    watcher.send_goal()
-    assert watcher.wait_for(lambda: watcher.moves())
+    watcher.set_off()
     body.lidar = (0.0, 0.0, math.pi)
     assert watcher.wait_for(lambda: not watcher.moves(), 5.0)
 

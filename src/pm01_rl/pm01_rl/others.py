@@ -17,8 +17,8 @@ class Others:
     def __init__(self, node: Node, actions: Iterable[str], output: str, base_topic: str) -> None:
         """Look around ``node``, which serves ``actions`` and publishes commands on ``output``.
 
-        ``base_topic`` is the topic that the base listens to. Whoever listens to ``output`` and
-        publishes there passes our commands on, as a watchdog or a multiplexer does.
+        ``base_topic`` is the topic that the base listens to. Where that is another one, whoever
+        listens to ``output`` and publishes there passes our commands on, as a watchdog does.
         """
         self._node, self._actions = node, tuple(actions)
         self._output, self._base_topic = output, base_topic
@@ -48,11 +48,12 @@ class Others:
     def look_for_publishers(self) -> None:
         """Look again for those who command the base."""
         node = self._node
-        output = node.resolve_topic_name(self._output)
-        passing = {_name(e) for e in node.get_subscriptions_info_by_topic(output)}
-        topics = {self._output, self._base_topic}
-        found = {name for topic in topics for name in self._publishers(topic)}
-        self.publishers = sorted(found - passing)
+        output, base = map(node.resolve_topic_name, (self._output, self._base_topic))
+        found = set(self._publishers(output))
+        if base != output:
+            passing = {_name(e) for e in node.get_subscriptions_info_by_topic(output)}
+            found |= set(self._publishers(base)) - passing
+        self.publishers = sorted(found)
 
     def _publishers(self, topic: str) -> list[str]:
         node = self._node
