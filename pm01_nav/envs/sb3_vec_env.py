@@ -3,15 +3,18 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
+from pm01_nav.envs.contract import checked_actions, stream_numbers
 from pm01_nav.envs.spaces import action_space, observation_space, widened
+from pm01_nav.errors import InputError
 from pm01_nav.task.navigation import Episodes, NavigationBatch
 
 
@@ -19,7 +22,8 @@ class NavVecEnv(VecEnv):
     """A ``NavigationBatch`` as SB3's algorithms expect it.
 
     At the end of an episode ``infos[i]`` holds ``terminal_observation``,
-    ``TimeLimit.truncated``, ``is_success`` and ``episode`` (return, length).
+    ``TimeLimit.truncated``, ``is_success`` and ``episode`` (return, length, seconds since the
+    batch was wrapped).
     """
 
     render_mode = None
@@ -30,7 +34,8 @@ class NavVecEnv(VecEnv):
         self.reward_scale = reward_scale
         self.last_episodes: Episodes | None = None
         self._actions = np.zeros((batch.num_envs, 2))
-        self._next_seeds: NDArray[np.int64] | None = None
+        self._next_seeds: list[int] | None = None
+        self._began = time.time()
         self.seed(seed)
         space = widened(observation_space(batch.layout), batch.privileged)
         super().__init__(batch.num_envs, space, action_space())
@@ -39,18 +44,21 @@ class NavVecEnv(VecEnv):
         """Give environment i the seed ``seed + i`` from the next reset on."""
         if seed is None:
             seed = int(np.random.default_rng().integers(2**31))
-        num_envs = self.batch.num_envs
-        self._next_seeds = seed + np.arange(num_envs)
-        return [int(s) for s in self._next_seeds]
+        self._next_seeds = [seed + i for i in range(self.batch.num_envs)]
+        return list(self._next_seeds)
 
     def reset(self) -> NDArray[np.float32]:
         """Start new episodes everywhere; return observations (num_envs, size)."""
         seeds, self._next_seeds = self._next_seeds, None
-        return self.batch.reset(seeds)
+        return self.batch.reset(None if seeds is None else stream_numbers(seeds))
 
-    def step_async(self, actions: NDArray[np.float32]) -> None:
-        """Take the actions (num_envs, 2) for the next ``step_wait``."""
-        self._actions = actions.astype(np.float64)
+    def step_async(self, actions: ArrayLike) -> None:
+        """Take the actions (num_envs, 2) for the next ``step_wait``.
+
+        Raises:
+            InputError: they have another shape, or are no numbers.
+        """
+        self._actions = np.array(checked_actions(actions, (self.num_envs, 2)))
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step; finished environments already hold their next episode's first observation."""
@@ -72,7 +80,7 @@ class NavVecEnv(VecEnv):
             infos[i]["episode"] = {
                 "r": float(episodes.returns[k]),
                 "l": int(episodes.steps[k]),
-                "t": 0.0,
+                "t": round(time.time() - self._began, 6),
             }
 
     def close(self) -> None:
@@ -83,7 +91,16 @@ class NavVecEnv(VecEnv):
         return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of this object; all environments share it."""
+        """Set an attribute of this object; all environments share it.
+
+        Raises:
+            InputError: ``indices`` leave some of them out.
+        """
+        if len(set(self._get_indices(indices))) < self.num_envs:
+            raise InputError(
+                f"set_attr({attr_name!r}): the environments of a batch share their attributes; "
+                "leave indices out"
+            )
         setattr(self, attr_name, value)
 
     def env_method(
