@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +12,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from pm01_nav.envs.contract import checked_actions, stream_numbers
+from pm01_nav.envs.render import BatchRenderer
 from pm01_nav.envs.spaces import action_space, observation_space, widened
 from pm01_nav.errors import InputError
 from pm01_nav.task.navigation import Episodes, NavigationBatch
@@ -22,20 +22,34 @@ class NavVecEnv(VecEnv):
     """A ``NavigationBatch`` as SB3's algorithms expect it.
 
     At the end of an episode ``infos[i]`` holds ``terminal_observation``,
-    ``TimeLimit.truncated``, ``is_success`` and ``episode`` (return, length, seconds since the
-    batch was wrapped).
+    ``TimeLimit.truncated``, ``is_success`` and ``episode`` (return, length).
     """
 
-    render_mode = None
+    def __init__(
+        self,
+        batch: NavigationBatch,
+        *,
+        seed: int = 0,
+        reward_scale: float = 1.0,
+        render_mode: str | None = None,
+    ) -> None:
+        """Wrap ``batch``; rewards are multiplied by ``reward_scale`` (episode returns are not).
 
-    def __init__(self, batch: NavigationBatch, *, seed: int = 0, reward_scale: float = 1.0) -> None:
-        """Wrap ``batch``; rewards are multiplied by ``reward_scale`` (episode returns are not)."""
+        In the mode ``rgb_array`` each robot is drawn, as SB3's ``VecVideoRecorder`` needs it.
+
+        Raises:
+            InputError: the mode is another one.
+        """
+        if render_mode not in (None, "rgb_array"):
+            raise InputError(f"render_mode = {render_mode!r}: allowed: None, 'rgb_array'")
         self.batch = batch
+        self.render_mode = render_mode
+        shown = range(batch.num_envs) if render_mode else ()
+        self._renderers = [BatchRenderer(batch, "rgb_array", i) for i in shown]
         self.reward_scale = reward_scale
         self.last_episodes: Episodes | None = None
         self._actions = np.zeros((batch.num_envs, 2))
         self._next_seeds: list[int] | None = None
-        self._began = time.time()
         self.seed(seed)
         space = widened(observation_space(batch.layout), batch.privileged)
         super().__init__(batch.num_envs, space, action_space())
@@ -50,7 +64,10 @@ class NavVecEnv(VecEnv):
     def reset(self) -> NDArray[np.float32]:
         """Start new episodes everywhere; return observations (num_envs, size)."""
         seeds, self._next_seeds = self._next_seeds, None
-        return self.batch.reset(None if seeds is None else stream_numbers(seeds))
+        observation = self.batch.reset(None if seeds is None else stream_numbers(seeds))
+        for renderer in self._renderers:
+            renderer.update(begin=True)
+        return observation
 
     def step_async(self, actions: ArrayLike) -> None:
         """Take the actions (num_envs, 2) for the next ``step_wait``.
@@ -68,7 +85,14 @@ class NavVecEnv(VecEnv):
         if result.episodes is not None:
             self._describe(result.episodes, result.truncated, infos)
         rewards = (self.reward_scale * result.reward).astype(np.float32)
-        return result.observation, rewards, result.terminated | result.truncated, infos
+        dones = result.terminated | result.truncated
+        for done, renderer in zip(dones, self._renderers, strict=False):
+            renderer.update(begin=bool(done))
+        return result.observation, rewards, dones, infos
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Return a picture (height, width, 3) of each robot; None without a ``render_mode``."""
+        return [renderer.frame() for renderer in self._renderers] or [None] * self.num_envs
 
     def _describe(
         self, episodes: Episodes, truncated: NDArray[np.bool_], infos: list[dict[str, Any]]
@@ -80,7 +104,7 @@ class NavVecEnv(VecEnv):
             infos[i]["episode"] = {
                 "r": float(episodes.returns[k]),
                 "l": int(episodes.steps[k]),
-                "t": round(time.time() - self._began, 6),
+                "t": 0.0,
             }
 
     def close(self) -> None:

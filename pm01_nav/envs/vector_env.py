@@ -132,20 +132,19 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         result = self.batch.step(actions, begins)
         observation, infos = result.observation, {}
         ended = result.terminated | result.truncated
-        facts, told = self._facts(result), ~self._none()
-        if begins is not None:
-            told = ~begins
-        self._ended = ended
+        facts, begun, self._ended = self._facts(result), begins, ended
         if result.episodes is not None and self._mode is AutoresetMode.SAME_STEP:
+            done = result.episodes.indices
             final = self.batch.arrays.xp.zeros_like(observation)
-            final[ended] = observation[ended]
+            final[done] = observation[done]
             infos = self._told({"final_info": facts}, ended)
             infos |= {"final_obs": final, "_final_obs": ended}
-            observation[ended] = self.batch.begin(result.episodes.indices)
-            begins, told, self._ended = ended, ~ended, self._none()
+            observation[done] = self.batch.begin(done)
+            begun, self._ended = ended, self._none()
         for i, renderer in enumerate(self._renderers):
-            renderer.update(begin=begins is not None and bool(begins[i]))
-        infos |= self._told(facts, told) if told.any() else {}
+            renderer.update(begin=begun is not None and bool(begun[i]))
+        if begun is None or not begun.all():
+            infos |= self._told(facts, ~(self._none() if begun is None else begun))
         return observation, result.reward, result.terminated, result.truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:

@@ -332,6 +332,20 @@ def test_sb3_equals_its_own_batch_of_single_ones() -> None:
     assert ours.reward_scale == 0.5
 
 
+def test_sb3_renders_a_tile_for_each_robot() -> None:
+    config = resolve_task("empty", FEW)
+    env = NavVecEnv(batch(config, 4), render_mode="rgb_array")
+    env.reset()
+    first = env.render()
+    tile = env.get_images()[0].shape
+    assert first.shape == (2 * tile[0], 2 * tile[1], 3)
+    env.step(np.ones((4, 2)))
+    assert (env.render() != first).any()
+    assert NavVecEnv(batch(config, 2)).get_images() == [None, None]
+    with pytest.raises(InputError, match="render_mode = 'human': allowed"):
+        NavVecEnv(batch(config, 1), render_mode="human")
+
+
 @pytest.mark.parametrize(
     ("library", "context"),
     [
