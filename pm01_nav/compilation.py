@@ -81,9 +81,25 @@ def compiled(
         "forceinline": inline and not parallel,
         "_nrt": allocates,
     }
-    # The setting is read here and now; other users of numba in this process keep theirs.
     planner = function.__module__.startswith("pm01_nav.planners")
     folder = kernel_cache(PLANNER_SOURCES if planner else KERNEL_SOURCES)
+    return _cached_in(folder, function, options)
+
+
+@cache
+def threadless(kernel: Any) -> Any:
+    """Return a ``parallel`` function compiled to run in the calling thread, with the same results.
+
+    OpenMP's threads do not survive a fork, and a forked process that asks for some is ended.
+    """
+    options = {name: kernel.targetoptions[name] for name in ("error_model", "_nrt")}
+    # Numba's cache does not tell the two apart.
+    folder = str(Path(kernel_cache(KERNEL_SOURCES)) / "threadless")
+    return _cached_in(folder, kernel.py_func, options | {"cache": True})
+
+
+def _cached_in(folder: str, function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    # The setting is read here and now; other users of numba in this process keep theirs.
     with patched(numba_config, "CACHE_DIR", folder):
         return numba.njit(**options)(function)
 

@@ -61,8 +61,10 @@ class MujocoEngine:
         self._seen = np.ones(6, dtype=np.uint8)
         self._seen[ROBOT_GROUP] = 0
         self._models: OrderedDict[int, Compiled] = OrderedDict()
-        self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-        self._rollout = Rollout(nthread=self._threads)
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+        self._threads = 1 if num_envs == 1 else cores
+        # One robot is stepped by the caller: a forked process would be without the threads.
+        self._rollout = Rollout(nthread=0 if num_envs == 1 else cores)
         # MuJoCo's own timers, which nobody reads here, take a tenth of a step.
         mujoco.set_mjcb_time(None)
         # Its warnings would become a file in the working folder; who diverged is told otherwise.

@@ -122,7 +122,8 @@ class PhysicsSimulator(PlanarSimulator):
         before = self.state.mover_position.copy()
         if self._has_movers:
             base, _, arrays = self._scene
-            engine_kernels.move_obstacles(self.state, base, arrays, self._crowd)
+            move = self._threads.version(engine_kernels.move_obstacles)
+            move(self.state, base, arrays, self._crowd)
         way = self.state.mover_position - before
         ticks = ticks_in(self.control_dt)
         share = np.arange(1, ticks + 1) / ticks

@@ -7,10 +7,12 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
+from gymnasium.error import ResetNeeded
+from numpy.typing import ArrayLike, NDArray
 
+from pm01_nav.envs.contract import checked_actions, stream_numbers
 from pm01_nav.envs.render import RENDER_MODES, BatchRenderer
-from pm01_nav.envs.spaces import action_space, observation_space, resolve_task
+from pm01_nav.envs.spaces import action_space, described, observation_space, resolve_task
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.worlds import world_pool
@@ -50,7 +52,8 @@ degrees, the first one behind | -1 | 1 | 1 |
     A table of named, weighted terms (``TaskConfig.rewards``): +100 at the goal, -50 for a
     collision, 10 per metre of progress, -0.05 a step, -0.01 |w|, -0.005 |v|. v1 takes 100 for a
     collision, and up to 0.5 a step for driving within 0.15 m of an obstacle. ``info["rewards"]``
-    holds each term of the step.
+    holds each term of the step; ``goal_distance``, ``clearance`` [m], ``is_success`` and
+    ``is_collision`` stand beside it.
 
     ## Starting state
     At rest. v0: pose (0, 0, 0), goal in x [3, 7], y [-2, 2] m. v1: start, heading and goal are
@@ -62,7 +65,9 @@ degrees, the first one behind | -1 | 1 | 1 |
 
     ## Arguments
     ``task``: a task's name or a ``TaskConfig``; further keywords change keys of it, for example
-    ``gym.make("pm01_nav.envs:PM01Nav-v1", task="empty", time_limit_steps=200)``.
+    ``gym.make("pm01_nav.envs:PM01Nav-v1", task="empty", time_limit_steps=200)``. ``gym.make``'s
+    own ``max_episode_steps`` never gets here: it wraps the environment in a ``TimeLimit``, which
+    can only shorten episodes.
 
     ## Version history
     v1: dense beams pooled by sector minimum. v0: the article's task to the letter.
@@ -87,40 +92,48 @@ degrees, the first one behind | -1 | 1 | 1 |
         config = resolve_task(task, changes)
         pool = world_pool(config, "train", config.num_worlds)
         self.batch = NavigationBatch(config, pool, 1, autoreset=False)
+        self.metadata = described(self.metadata, config)
         self.observation_space = observation_space(self.batch.layout)
         self.action_space = action_space()
         self.render_mode = render_mode
         self._renderer = BatchRenderer(self.batch, render_mode) if render_mode else None
+        self._begun = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start a new episode; with a seed, begin its sequence of episodes anew."""
-        fresh = self._np_random is None
         super().reset(seed=seed)
-        if seed is None and fresh:
+        if seed is None and not self._begun:
             seed = int(self.np_random.integers(2**31))
-        observation = self.batch.reset(None if seed is None else [seed])
+        self._begun = True
+        observation = self.batch.reset(None if seed is None else stream_numbers([seed]))
         if self._renderer:
             self._renderer.update(begin=True)
         return observation[0], {}
 
     def step(
-        self, action: NDArray[np.float32]
+        self, action: ArrayLike
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Apply one action (2,) in [-1, 1]."""
-        result = self.batch.step(np.asarray(action, dtype=np.float64)[None])
+        """Apply one action (2,) in [-1, 1].
+
+        Raises:
+            ResetNeeded: there was no ``reset`` yet.
+            InputError: the action has another shape or is not finite.
+        """
+        if not self._begun:
+            raise ResetNeeded("call reset before step")
+        result = self.batch.step(checked_actions(action, (2,))[None])
         if self._renderer:
             self._renderer.update()
-        state = self.batch.simulator.state
+        state, episodes = self.batch.simulator.state, result.episodes
         info: dict[str, Any] = {
             "goal_distance": float(state.goal_polar[0, 0]),
             "clearance": float(state.clearance[0]),
             "rewards": {name: float(value[0]) for name, value in result.rewards.items()},
+            "is_success": bool(episodes and episodes.success[0]),
+            "is_collision": bool(episodes and episodes.collision[0]),
         }
-        if result.episodes:
-            info["is_success"] = bool(result.episodes.success[0])
-            info["is_collision"] = bool(result.episodes.collision[0])
         return (
             result.observation[0],
             float(result.reward[0]),

@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
+from pm01_nav.envs.contract import checked_actions, stream_numbers
+from pm01_nav.envs.render import BatchRenderer
 from pm01_nav.envs.spaces import action_space, observation_space, widened
+from pm01_nav.errors import InputError
 from pm01_nav.task.navigation import Episodes, NavigationBatch
 
 
@@ -22,15 +25,31 @@ class NavVecEnv(VecEnv):
     ``TimeLimit.truncated``, ``is_success`` and ``episode`` (return, length).
     """
 
-    render_mode = None
+    def __init__(
+        self,
+        batch: NavigationBatch,
+        *,
+        seed: int = 0,
+        reward_scale: float = 1.0,
+        render_mode: str | None = None,
+    ) -> None:
+        """Wrap ``batch``; rewards are multiplied by ``reward_scale`` (episode returns are not).
 
-    def __init__(self, batch: NavigationBatch, *, seed: int = 0, reward_scale: float = 1.0) -> None:
-        """Wrap ``batch``; rewards are multiplied by ``reward_scale`` (episode returns are not)."""
+        In the mode ``rgb_array`` each robot is drawn, as SB3's ``VecVideoRecorder`` needs it.
+
+        Raises:
+            InputError: the mode is another one.
+        """
+        if render_mode not in (None, "rgb_array"):
+            raise InputError(f"render_mode = {render_mode!r}: allowed: None, 'rgb_array'")
         self.batch = batch
+        self.render_mode = render_mode
+        shown = range(batch.num_envs) if render_mode else ()
+        self._renderers = [BatchRenderer(batch, "rgb_array", i) for i in shown]
         self.reward_scale = reward_scale
         self.last_episodes: Episodes | None = None
         self._actions = np.zeros((batch.num_envs, 2))
-        self._next_seeds: NDArray[np.int64] | None = None
+        self._next_seeds: list[int] | None = None
         self.seed(seed)
         space = widened(observation_space(batch.layout), batch.privileged)
         super().__init__(batch.num_envs, space, action_space())
@@ -39,18 +58,24 @@ class NavVecEnv(VecEnv):
         """Give environment i the seed ``seed + i`` from the next reset on."""
         if seed is None:
             seed = int(np.random.default_rng().integers(2**31))
-        num_envs = self.batch.num_envs
-        self._next_seeds = seed + np.arange(num_envs)
-        return [int(s) for s in self._next_seeds]
+        self._next_seeds = [seed + i for i in range(self.batch.num_envs)]
+        return list(self._next_seeds)
 
     def reset(self) -> NDArray[np.float32]:
         """Start new episodes everywhere; return observations (num_envs, size)."""
         seeds, self._next_seeds = self._next_seeds, None
-        return self.batch.reset(seeds)
+        observation = self.batch.reset(None if seeds is None else stream_numbers(seeds))
+        for renderer in self._renderers:
+            renderer.update(begin=True)
+        return observation
 
-    def step_async(self, actions: NDArray[np.float32]) -> None:
-        """Take the actions (num_envs, 2) for the next ``step_wait``."""
-        self._actions = actions.astype(np.float64)
+    def step_async(self, actions: ArrayLike) -> None:
+        """Take the actions (num_envs, 2) for the next ``step_wait``.
+
+        Raises:
+            InputError: they have another shape, or are no numbers.
+        """
+        self._actions = np.array(checked_actions(actions, (self.num_envs, 2)))
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step; finished environments already hold their next episode's first observation."""
@@ -60,7 +85,14 @@ class NavVecEnv(VecEnv):
         if result.episodes is not None:
             self._describe(result.episodes, result.truncated, infos)
         rewards = (self.reward_scale * result.reward).astype(np.float32)
-        return result.observation, rewards, result.terminated | result.truncated, infos
+        dones = result.terminated | result.truncated
+        for done, renderer in zip(dones, self._renderers, strict=False):
+            renderer.update(begin=bool(done))
+        return result.observation, rewards, dones, infos
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Return a picture (height, width, 3) of each robot; None without a ``render_mode``."""
+        return [renderer.frame() for renderer in self._renderers] or [None] * self.num_envs
 
     def _describe(
         self, episodes: Episodes, truncated: NDArray[np.bool_], infos: list[dict[str, Any]]
@@ -83,7 +115,16 @@ class NavVecEnv(VecEnv):
         return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of this object; all environments share it."""
+        """Set an attribute of this object; all environments share it.
+
+        Raises:
+            InputError: ``indices`` leave some of them out.
+        """
+        if len(set(self._get_indices(indices))) < self.num_envs:
+            raise InputError(
+                f"set_attr({attr_name!r}): the environments of a batch share their attributes; "
+                "leave indices out"
+            )
         setattr(self, attr_name, value)
 
     def env_method(

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
 from pm01_nav.config import merge, validate
+from pm01_nav.errors import InputError
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.observation import ObservationLayout
 from pm01_nav.task.privileged import Privileged
@@ -35,10 +38,31 @@ def action_space() -> spaces.Box:
 def resolve_task(task: str | TaskConfig, changes: dict[str, object]) -> TaskConfig:
     """Return a task by name, or as it is given, with keyword changes laid over it.
 
+    ``max_episode_steps`` is Gymnasium's name of ``time_limit_steps``; None and -1 change nothing.
+
     Raises:
         InputError: the task or a changed key is unknown, or a value is not allowed.
     """
     config = task_config(task) if isinstance(task, str) else task
+    changes = _by_our_names(changes)
     if not changes:
         return config
     return validate(TaskConfig, merge(config.model_dump(), changes), f"task {config.name}")
+
+
+def _by_our_names(changes: dict[str, object]) -> dict[str, object]:
+    ours = {name: value for name, value in changes.items() if name != "max_episode_steps"}
+    limit = changes.get("max_episode_steps")
+    if limit in (None, -1):
+        return ours
+    if ours.setdefault("time_limit_steps", limit) != limit:
+        raise InputError(
+            f"max_episode_steps = {limit}, time_limit_steps = {ours['time_limit_steps']}: "
+            "two names of one thing; give one"
+        )
+    return ours
+
+
+def described(metadata: dict[str, Any], config: TaskConfig, **more: Any) -> dict[str, Any]:
+    """Return a class's metadata as they are for one environment of a task."""
+    return metadata | {"render_fps": max(1, round(1.0 / config.control_dt))} | more

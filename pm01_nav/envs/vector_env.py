@@ -3,19 +3,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from pm01_nav.envs.contract import (
+    Seeds,
+    autoreset_mode_of,
+    checked_actions,
+    checked_mask,
+    one_each,
+    stream_numbers,
+)
 from pm01_nav.envs.devices import arrays_on
 from pm01_nav.envs.render import RENDER_MODES, BatchRenderer
-from pm01_nav.envs.spaces import action_space, observation_space, resolve_task
+from pm01_nav.envs.spaces import action_space, described, observation_space, resolve_task
 from pm01_nav.errors import InputError
 from pm01_nav.task.config import TaskConfig
-from pm01_nav.task.navigation import Episodes, NavigationBatch
+from pm01_nav.task.navigation import BatchStep, NavigationBatch
 from pm01_nav.task.worlds import world_pool
 
 BatchInfo = dict[str, Any]
@@ -24,9 +34,14 @@ BatchInfo = dict[str, Any]
 class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     """Many robots stepped together; see ``NavEnv`` for the task.
 
-    Environment i of a batch reset with seed s does exactly what one environment reset with seed
-    s + i does. A finished episode is followed by a new one in the same step: ``infos`` then holds
-    ``final_obs`` and ``final_info`` with the masks ``_final_obs`` and ``_final_info``.
+    Environment i does exactly what one environment does that is reset with its seed. Gymnasium's
+    three ways to go on after an episode can be asked for by ``autoreset_mode``:
+
+    - ``SameStep`` (default): a new one begins in the same step; ``infos`` then holds ``final_obs``
+      and ``final_info`` with the masks ``_final_obs`` and ``_final_info``.
+    - ``NextStep``: a new one begins in the next step, whose action does not count and whose reward
+      is 0. Gymnasium's wrappers of observations need this.
+    - ``Disabled``: whoever steps resets: ``reset(options={"reset_mask": ended})``.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (the base class declares it so)
@@ -41,6 +56,7 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         task: str | TaskConfig = "static",
         render_mode: str | None = None,
         device: str = "cpu",
+        autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
         **changes: Any,
     ) -> None:
         """Make ``num_envs`` environments of a task; ``changes`` are keys of ``TaskConfig``.
@@ -49,15 +65,19 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         are torch tensors there, and actions may be.
 
         Raises:
-            InputError: the task or a changed key is unknown, a value is not allowed, there is no
-                usable GPU, or pictures are asked for from one.
+            InputError: the task, the mode or a changed key is unknown, a value is not allowed,
+                there is no usable GPU, or pictures are asked for from one.
         """
         config = resolve_task(task, changes)
+        if num_envs < 1:
+            raise InputError(f"num_envs = {num_envs}: must be at least 1")
         if render_mode and device != "cpu":
             raise InputError(f"render_mode = {render_mode!r}: needs device='cpu'")
         self.num_envs = num_envs
-        pool = world_pool(config, "train", config.num_worlds)
-        self.batch = NavigationBatch(config, pool, num_envs, arrays=arrays_on(device))
+        self._mode = autoreset_mode_of(autoreset_mode)
+        self.metadata = described(self.metadata, config, autoreset_mode=self._mode)
+        pool, arrays = world_pool(config, "train", config.num_worlds), arrays_on(device)
+        self.batch = NavigationBatch(config, pool, num_envs, autoreset=False, arrays=arrays)
         self.single_observation_space = observation_space(self.batch.layout)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -65,26 +85,67 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         self.render_mode = render_mode
         shown = range(1 if render_mode == "human" else num_envs) if render_mode else ()
         self._renderers = [BatchRenderer(self.batch, render_mode or "", i) for i in shown]
+        self._seeded = np.zeros(num_envs, dtype=np.bool_)
+        self._ended: Any = None  # Which episodes are over; None before the first reset.
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Any, BatchInfo]:
-        """Start new episodes everywhere; an int seed gives environment i the seed ``seed + i``."""
-        observation = self.batch.reset(self._seeds(seed))
-        for renderer in self._renderers:
-            renderer.update(begin=True)
-        return observation, {}
+        """Start new episodes everywhere, or where the mask ``options["reset_mask"]`` says.
+
+        An int gives environment i the seed ``seed + i``, a list to each its own. Without a seed,
+        and where the list has None, an environment goes on with its random numbers.
+
+        Raises:
+            InputError: the list or the mask has another length, a seed is negative, or the first
+                reset leaves some environments out.
+        """
+        seeds = one_each(seed, self.num_envs)
+        mask = checked_mask(options, self.num_envs, self.batch.arrays)
+        if mask is None:
+            mask = np.ones(self.num_envs, dtype=np.bool_)
+        elif self._ended is None and not mask.all():
+            raise InputError("options['reset_mask']: the first reset is one of all environments")
+        if not isinstance(seed, Sequence | np.ndarray):
+            VectorEnv.reset(self, seed=seeds[0])
+        self._seed(seeds, mask)
+        begins = self.batch.arrays.from_numpy(mask)
+        self.batch.begin(self.batch.arrays.xp.nonzero(begins)[0])
+        self._ended = self._none() if self._ended is None else self._ended & ~begins
+        for i, renderer in enumerate(self._renderers):
+            if mask[i]:
+                renderer.update(begin=True)
+        return self.batch.observe(), {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, BatchInfo]:
-        """Apply actions (num_envs, 2) in [-1, 1]."""
-        arrays = self.batch.arrays
-        float64 = arrays.xp.float64
-        result = self.batch.step(arrays.xp.asarray(actions, dtype=float64, device=arrays.place))
+        """Apply actions (num_envs, 2) in [-1, 1].
+
+        Raises:
+            ResetNeeded: there was no ``reset`` yet, or none of what ended, if nobody else resets.
+            InputError: the actions have another shape or are not finite.
+        """
+        begins = self._to_begin()
+        actions = checked_actions(actions, (self.num_envs, 2), self.batch.arrays)
+        result = self.batch.step(actions, begins)
+        observation, infos = result.observation, {}
         ended = result.terminated | result.truncated
+        facts, begun, self._ended = self._facts(result), begins, ended
+        if result.episodes is not None and self._mode is AutoresetMode.SAME_STEP:
+            done = result.episodes.indices
+            final = self.batch.arrays.xp.zeros_like(observation)
+            final[done] = observation[done]
+            infos = self._told({"final_info": facts}, ended)
+            infos |= {"final_obs": final, "_final_obs": ended}
+            observation[done] = self.batch.begin(done)
+            begun, self._ended = ended, self._none()
         for i, renderer in enumerate(self._renderers):
-            renderer.update(begin=bool(ended[i]))
-        infos = self._infos(result.episodes) if result.episodes else {}
-        return result.observation, result.reward, result.terminated, result.truncated, infos
+            renderer.update(begin=begun is not None and bool(begun[i]))
+        if begun is None or not begun.all():
+            infos |= self._told(facts, ~(self._none() if begun is None else begun))
+        return observation, result.reward, result.terminated, result.truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a picture of each robot; in mode ``human`` a window shows the first one."""
@@ -97,35 +158,58 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         for renderer in self._renderers:
             renderer.close()
 
-    def _seeds(self, seed: int | list[int | None] | None) -> NDArray[np.int64] | None:
-        if isinstance(seed, list):
-            given = [s if s is not None else int(self.np_random.integers(2**31)) for s in seed]
-            return np.array(given)
-        if seed is not None:
-            VectorEnv.reset(self, seed=seed)
-            return seed + np.arange(self.num_envs)
-        if self._np_random is None:
-            return self.np_random.integers(2**31, size=self.num_envs)
-        return None
+    def _none(self) -> Any:
+        """Return a mask of no environment."""
+        arrays = self.batch.arrays
+        return arrays.xp.zeros(self.num_envs, dtype=arrays.xp.bool, device=arrays.place)
 
-    def _infos(self, episodes: Episodes) -> BatchInfo:
-        xp, place = self.batch.arrays.xp, self.batch.arrays.place
-        ended = xp.zeros(self.num_envs, dtype=xp.bool, device=place)
-        ended[episodes.indices] = True
-        size = (self.num_envs, self.batch.layout.size)
-        final = xp.zeros(size, dtype=xp.float32, device=place)
-        final[ended] = episodes.final_observation
-        success, collision = xp.zeros_like(ended), xp.zeros_like(ended)
-        success[ended], collision[ended] = episodes.success, episodes.collision
-        final_info = {
-            "is_success": success,
-            "_is_success": ended,
-            "is_collision": collision,
-            "_is_collision": ended,
-        }
+    def _seed(self, seeds: Seeds, mask: NDArray[np.bool_]) -> None:
+        """Seed those of the mask that are given a seed; one that never had any draws it."""
+        fresh = np.flatnonzero(mask & ~self._seeded & np.array([s is None for s in seeds]))
+        drawn = self.np_random.integers(2**31, size=len(fresh)) if len(fresh) else ()
+        chosen = {int(i): int(s) for i, s in zip(fresh, drawn, strict=True)}
+        chosen |= {i: s for i, s in enumerate(seeds) if s is not None and mask[i]}
+        if chosen:
+            numbers = stream_numbers(list(chosen.values()))
+            self.batch.simulator.seed(numbers, list(chosen))
+            self._seeded[list(chosen)] = True
+
+    def _to_begin(self) -> Any:
+        """Return where the next step begins an episode, if anywhere."""
+        if self._ended is None:
+            raise ResetNeeded("call reset before step")
+        if self._mode is AutoresetMode.SAME_STEP or not self._ended.any():
+            return None
+        if self._mode is AutoresetMode.DISABLED:
+            over = self.batch.arrays.to_numpy(self._ended)
+            raise ResetNeeded(
+                f"the episodes of environments {np.flatnonzero(over).tolist()} are over: "
+                "reset(options={'reset_mask': terminated | truncated}) before the next step"
+            )
+        return self._ended
+
+    def _facts(self, result: BatchStep) -> BatchInfo:
+        """Return what ``NavEnv`` tells of a step, of every environment."""
+        state, episodes = self.batch.simulator.state, result.episodes
+        success, collision = self._none(), self._none()
+        if episodes is not None:
+            success[episodes.indices] = episodes.success
+            collision[episodes.indices] = episodes.collision
         return {
-            "final_obs": final,
-            "_final_obs": ended,
-            "final_info": final_info,
-            "_final_info": ended,
+            "goal_distance": state.goal_polar[:, 0],
+            "clearance": state.clearance,
+            "rewards": result.rewards,
+            "is_success": success,
+            "is_collision": collision,
         }
+
+    def _told(self, facts: BatchInfo, mask: Any) -> BatchInfo:
+        """Return facts as ``infos`` have them: zero where the mask beside them is not set."""
+        xp, told = self.batch.arrays.xp, {}
+        for name, value in facts.items():
+            if isinstance(value, dict):
+                told[name] = self._told(value, mask)
+            else:
+                told[name] = xp.where(mask, value, False if value.dtype == xp.bool else 0.0)
+            told[f"_{name}"] = mask
+        return told

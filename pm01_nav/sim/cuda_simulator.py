@@ -130,10 +130,10 @@ class CudaSimulator(PlanarSimulator):
         cumulative = self._on.from_numpy(self.pool.arrays.cumulative_weight)
         self._scene[2].cumulative_weight[...] = cumulative
 
-    def seed(self, seeds: ArrayLike) -> None:
-        """Begin the random stream of each environment anew; ``seeds`` has shape (num_envs,)."""
-        self.state.rng_key[...] = self._on.from_numpy(stream_keys(np.asarray(seeds)))
-        self.state.rng_count[...] = 0
+    def seed(self, seeds: ArrayLike, indices: Any = slice(None)) -> None:
+        """Begin random streams anew; see ``PlanarSimulator``."""
+        self.state.rng_key[indices] = self._on.from_numpy(stream_keys(np.asarray(seeds)))
+        self.state.rng_count[indices] = 0
 
     def step(self, command: Any) -> None:
         """Apply velocity commands (num_envs, 2) [m/s, rad/s]; see ``PlanarSimulator``."""

@@ -14,6 +14,7 @@ from pm01_nav.sim.state import BaseParams, CrowdParams, TimeStep
 @compiled
 def begin_commands(errors, i):
     """Forget the commands of the last episode: what is still on its way stands still."""
+    errors.command[i, 0], errors.command[i, 1] = 0.0, 0.0
     for age in range(errors.command_history.shape[1]):
         errors.command_history[i, age, 0], errors.command_history[i, age, 1] = 0.0, 0.0
 

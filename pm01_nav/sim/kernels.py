@@ -150,6 +150,9 @@ def locate(state, i, base, worlds):
 def begin_episode(state, i, worlds, scratch):
     """Prepare what one environment remembers and is paid by, once start and goal are known."""
     begin_trail(state, i)
+    # So it stays where the raster is closed around the start; else it is read there.
+    dx, dy = state.goal[i, 0] - state.pose[i, 0], state.goal[i, 1] - state.pose[i, 1]
+    state.path_distance[i] = np.sqrt(dx * dx + dy * dy)
     if state.path_field.shape[1] > 0:
         spread_distance(state, i, worlds, scratch)
 

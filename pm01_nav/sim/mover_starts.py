@@ -75,6 +75,8 @@ def start_movers(state, i, worlds):
             begin_leg(state, i, k, worlds)
             vx, vy = wanted_velocity(state, i, k, worlds.mover_speed[m + k])
         state.mover_velocity[i, k, 0], state.mover_velocity[i, k, 1] = vx, vy
+    for k in range(state.mover_count[i], state.mover_velocity.shape[1]):
+        state.mover_velocity[i, k, 0], state.mover_velocity[i, k, 1] = 0.0, 0.0
 
 
 @compiled

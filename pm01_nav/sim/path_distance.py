@@ -94,7 +94,7 @@ def read_distance(state, i, worlds):
     """Read the path distance at the robot's place: over the best of the cells around it.
 
     Close to the goal, and where there is no raster, it is the straight distance. Where all those
-    cells are closed it stays.
+    cells are closed it stays; an episode begins with the straight distance.
     """
     w = state.world[i]
     x, y, size = state.pose[i, 0], state.pose[i, 1], worlds.way_frame[w, 2]

@@ -90,7 +90,7 @@ class PlanarSimulator:
         self._scratch = new_scratch(num_envs, sizes)
         self._trail = trail
         self._goal_distance = np.array(goal_distance, dtype=np.float64)
-        self._threads = ThreadChoice()
+        self._threads = ThreadChoice(alone=num_envs == 1)
         model = PEDESTRIAN_MODELS[pedestrians]
         self._crowd = CrowdParams(model, pedestrians_avoid_robot, control_dt)
         self._scene = (base_params(robot), lidar_params(robot), arrays)
@@ -155,7 +155,8 @@ class PlanarSimulator:
         if self.errors is None:
             return self.scan
         ranges = np.empty_like(self.state.ranges)
-        perturbed_kernels.true_ranges(self.state, *self._scene, ranges)
+        cast = self._threads.version(perturbed_kernels.true_ranges)
+        cast(self.state, *self._scene, ranges)
         return self._read(ranges)
 
     def _read(self, ranges: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -183,10 +184,13 @@ class PlanarSimulator:
         """
         self.pool.set_weights(weights)
 
-    def seed(self, seeds: ArrayLike) -> None:
-        """Begin the random stream of each environment anew; ``seeds`` has shape (num_envs,)."""
-        self.state.rng_key[:] = stream_keys(np.asarray(seeds))
-        self.state.rng_count[:] = 0
+    def seed(self, seeds: ArrayLike, indices: Any = slice(None)) -> None:
+        """Begin random streams anew: those of the environments ``indices``, all by default.
+
+        ``seeds`` (n,) has one for each.
+        """
+        self.state.rng_key[indices] = stream_keys(np.asarray(seeds))
+        self.state.rng_count[indices] = 0
 
     def reset(
         self,
@@ -240,6 +244,7 @@ class PlanarSimulator:
             rest = (*rest, self._crowd)
         elif self._has_movers:
             kernel, rest = crowd_kernels.step_batch, (*rest, self._crowd)
+        kernel = self._threads.version(kernel)
         run, state = bound(kernel, self.state, *errors, command, *rest), self.state
         return lambda command: run(state, *errors, command, *rest)
 
@@ -264,7 +269,7 @@ class PlanarSimulator:
         self._scratch = rows(self._scratch, indices)
         if self.errors is not None and self.drawn is not None:
             self.errors, self.drawn = rows(self.errors, indices), rows(self.drawn, indices)
-        self._threads = ThreadChoice()
+        self._threads = self._threads.anew()
         self._run_step = self._run_reset = None  # They hold the former arrays.
 
     def movers(self, i: int) -> NDArray[np.float64]:

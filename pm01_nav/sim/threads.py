@@ -6,8 +6,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numba
+
+from pm01_nav.compilation import threadless
 
 TRIALS = 6
 """Calls with each number of threads before the choice is made."""
@@ -25,15 +28,27 @@ class ThreadChoice:
     The results do not depend on it: each environment is one thread's work.
     """
 
-    def __init__(self) -> None:
-        """Start with nothing measured."""
-        available = numba.get_num_threads()
+    def __init__(self, *, alone: bool = False) -> None:
+        """Start with nothing measured; ``alone`` has nothing to share out and starts no threads."""
+        self.alone = alone
+        available = 1 if alone else numba.get_num_threads()
         self._seconds = {threads: [math.inf] for threads in sorted({1, available})}
         self.threads = 1 if available == 1 else 0
         """The choice; 0 while it is still measured."""
 
+    def version(self, kernel: Any) -> Any:
+        """Return a parallel kernel as it is to be called: without threads if there are none."""
+        return threadless(kernel) if self.alone else kernel
+
+    def anew(self) -> ThreadChoice:
+        """Return a choice for the same batch that has measured nothing."""
+        return ThreadChoice(alone=self.alone)
+
     def __call__(self, kernel: Callable[..., None], *arguments: object) -> None:
         """Call ``kernel`` with the chosen number of threads, or as one more trial."""
+        if self.alone:
+            kernel(*arguments)
+            return
         before = numba.get_num_threads()
         threads = min(self.threads or self._next_trial(), before)
         if threads == before and self.threads:

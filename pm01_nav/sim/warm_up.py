@@ -22,11 +22,13 @@ def warm_up() -> None:
     wall = np.array([[0.0, 0.0, 3.0, 0.0]])
     world = World("warm_up", (0.0, 0.0, 3.0, 3.0), discs=disc, segments=wall)
     pool = build_pool([world], radius=0.2)
-    simulator = PlanarSimulator(load_robot("pm01"), pool, 2)
-    simulator.seed(np.arange(2))
-    simulator.reset()
-    simulator.step(np.zeros((2, 2)))
-    simulator.place(np.arange(2), simulator.state.pose.copy(), simulator.state.goal.copy())
+    for num_envs in (1, 2):  # One robot has a kernel without threads.
+        simulator = PlanarSimulator(load_robot("pm01"), pool, num_envs)
+        simulator.seed(np.arange(num_envs))
+        simulator.reset()
+        simulator.step(np.zeros((num_envs, 2)))
+        state = simulator.state
+        simulator.place(np.arange(num_envs), state.pose.copy(), state.goal.copy())
     space, start, goal = pool.free_space(0), (0.3, 1.5), (2.7, 1.5)
     shortest_path_length(space, start, goal)
     costmap = inflate(space, pool.radius)

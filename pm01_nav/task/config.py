@@ -17,7 +17,7 @@ from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.observation import ObservationLayout, scan_geometry
 from pm01_nav.task.randomization import RandomizationConfig
-from pm01_nav.task.rewards import REWARDS
+from pm01_nav.task.rewards import NEEDS, REWARDS
 from pm01_nav.task.trail import TrailLayout
 
 
@@ -107,11 +107,15 @@ class TaskConfig(FrozenModel):
             raise ValueError(
                 f"randomization: only the backend planar has it, not {self.backend}; leave one away"
             )
-        if "revisiting" in self.rewards and self.observation.trail is None:
-            raise ValueError("rewards.revisiting: needs observation.trail")
+        return self
+
+    @model_validator(mode="after")
+    def _has_known_rewards(self) -> TaskConfig:
         for name, term in self.rewards.items():
             if name not in REWARDS:
                 raise ValueError(f"rewards.{name}: unknown; allowed: {', '.join(sorted(REWARDS))}")
+            if "visited" in NEEDS[name] and self.observation.trail is None:
+                raise ValueError(f"rewards.{name}: needs observation.trail")
             allowed = set(list(inspect.signature(REWARDS[name]).parameters)[1:])
             if unknown := set(term.params) - allowed:
                 known = ", ".join(sorted(allowed)) or "none"

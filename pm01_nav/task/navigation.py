@@ -20,7 +20,7 @@ from pm01_nav.task.frames import FrameStack
 from pm01_nav.task.observation import ObservationLayout, build_observation, show_ranges
 from pm01_nav.task.people import nearest_mover
 from pm01_nav.task.privileged import Privileged
-from pm01_nav.task.rewards import REWARDS
+from pm01_nav.task.rewards import REWARDS, needed
 from pm01_nav.task.step import Step
 from pm01_nav.task.terminations import judge, out_of_time
 from pm01_nav.worlds.pool import WorldPool
@@ -88,7 +88,7 @@ def features(config: TaskConfig, layout: ObservationLayout) -> Features:
     return Features(
         sectors=layout.sectors,
         trail=TrailParams(**asdict(layout.trail)) if layout.trail else TrailParams(),
-        path_distances="path_progress" in config.rewards,
+        path_distances="path_distance" in needed(config.rewards),
     )
 
 
@@ -126,6 +126,8 @@ class NavigationBatch:
         self.num_envs = num_envs
         self.arrays = arrays
         self.privileged = privileged
+        computed = features(config, self.layout)
+        self._knows_ways = computed.path_distances
         self.simulator = make_simulator(
             config.backend,
             arrays,
@@ -135,7 +137,7 @@ class NavigationBatch:
             config.gazebo,
             control_dt=config.control_dt,
             goal_distance=config.goal_distance_limits(),
-            features=features(config, self.layout),
+            features=computed,
             pedestrians=config.pedestrians,
             pedestrians_avoid_robot=config.pedestrians_avoid_robot,
         )
@@ -164,6 +166,11 @@ class NavigationBatch:
         self._begin(self.arrays.xp.arange(self.num_envs, device=self.arrays.place), worlds)
         return self.observe()
 
+    def begin(self, indices: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Start new episodes in some environments (n,); return their observations (n, size)."""
+        self._begin(indices, None)
+        return self.observe(indices)
+
     def observe(self, indices: NDArray[np.int64] | slice = ALL) -> NDArray[np.float32]:
         """Return the present observations as environments give them, shape (n, size)."""
         sim = self.simulator
@@ -191,7 +198,10 @@ class NavigationBatch:
         state = self.simulator.state
         xp, radius = self.arrays.xp, self.robot.footprint.circumscribed_radius
         before = xp.asarray(state.goal_polar[:, 0], copy=True)
-        path_before = xp.asarray(state.path_distance, copy=True)
+        way, way_before = None, None
+        if self._knows_ways:
+            way = state.path_distance
+            way_before = xp.asarray(way, copy=True)
         self.simulator.step(command)
         if self._frames:
             self._frames.push(self._scan())
@@ -208,34 +218,53 @@ class NavigationBatch:
             goal_distance=state.goal_polar[:, 0],
             goal_bearing=state.goal_polar[:, 1],
             previous_goal_distance=before,
-            path_distance=state.path_distance,
-            previous_path_distance=path_before,
-            visited=state.visited,
+            path_distance=way,
+            previous_path_distance=way_before,
+            visited=state.visited if self.layout.trail else None,
             count=self._count,
             faults=self.simulator.faults,
         )
         step.reached, step.collided = judge(step, self.config)
         return step
 
-    def step(self, action: Any) -> BatchStep:
+    def step(self, action: Any, begins: Any = None) -> BatchStep:
         """Apply actions (num_envs, 2), clipped to [-1, 1]; reset what ended.
+
+        Where the mask ``begins`` (num_envs,) says so, a new episode begins instead: its action
+        does not count, and nothing is paid.
 
         Raises:
             InputError: an action is not finite.
         """
-        if not self.arrays.xp.all(self.arrays.xp.isfinite(action)):
+        xp, drawn = self.arrays.xp, None
+        if begins is not None:
+            action = xp.where(begins[:, None], 0.0, action)
+            drawn = xp.asarray(self.simulator.state.rng_count, copy=True)
+        if not xp.all(xp.isfinite(action)):
             raise InputError("actions must be finite numbers")
         step, terms, terminated, truncated = self._play(action)
-        (done,) = self.arrays.xp.nonzero(terminated | truncated)
+        if begins is not None:
+            self._begin_instead(begins, drawn, terms)
+            terminated, truncated = terminated & ~begins, truncated & ~begins
+        (done,) = xp.nonzero(terminated | truncated)
         observation = self.observe()
         episodes = None
         if len(done):
             episodes = self._finish(step, done, observation)
             if self.autoreset:
-                self._begin(done, None)
-                observation[done] = self.observe(done)
+                observation[done] = self.begin(done)
         reward = total(terms)
         return BatchStep(observation, reward, self._named(terms), terminated, truncated, episodes)
+
+    def _begin_instead(self, begins: Any, drawn: Any, terms: Any) -> None:
+        """Let robots of a mask begin anew as if they had not made this step.
+
+        ``drawn`` says how many random numbers each had drawn before.
+        """
+        xp, state = self.arrays.xp, self.simulator.state
+        state.rng_count[...] = xp.where(begins, drawn, state.rng_count)
+        self._begin_where(begins)
+        terms[:, begins] = 0.0
 
     def step_all(self, action: Any) -> MaskedStep:
         """Do the same as ``step``, in the same way whatever happens, so that a CUDA graph holds it.

@@ -2,25 +2,48 @@
 """Reward terms: pure functions of one step, weighted and summed by the task's table.
 
 A term returns shape (num_envs,). What a term measures is positive; its sign stands in the weight.
-A new term is a function here and a line in a task's ``rewards``.
+A new term is a function here and a line in a task's ``rewards``. It says what it ``needs`` of what
+is not computed for every task.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
-from pm01_nav.task.step import Step
+from pm01_nav.task.step import ON_DEMAND, Step
 
 RewardFunction = Callable[..., Any]
 REWARDS: dict[str, RewardFunction] = {}
+NEEDS: dict[str, frozenset[str]] = {}
+"""What each term reads of the step that is only computed on demand."""
 
 
-def reward_term(function: RewardFunction) -> RewardFunction:
-    """Enter a function in the table of reward terms under its own name."""
+def reward_term(
+    function: RewardFunction | None = None, *, needs: tuple[str, ...] = ()
+) -> RewardFunction | Callable[[RewardFunction], RewardFunction]:
+    """Enter a function in the table of reward terms under its own name.
+
+    ``needs`` names what it reads of the step that is only computed on demand: ``path_distance``
+    (``previous_path_distance`` comes with it), or ``visited``, for which a task needs a trail.
+
+    Raises:
+        ValueError: nothing of that name is computed on demand.
+    """
+    if function is None:
+        return partial(reward_term, needs=needs)
+    if unknown := set(needs) - set(ON_DEMAND):
+        raise ValueError(f"needs {min(unknown)!r}: unknown; allowed: {', '.join(ON_DEMAND)}")
     REWARDS[function.__name__] = function
+    NEEDS[function.__name__] = frozenset(needs)
     return function
+
+
+def needed(terms: Iterable[str]) -> frozenset[str]:
+    """Return what some terms together need of what is only computed on demand."""
+    return frozenset[str]().union(*(NEEDS[name] for name in terms))
 
 
 @reward_term
@@ -41,7 +64,7 @@ def progress(step: Step) -> Any:
     return step.previous_goal_distance - step.goal_distance
 
 
-@reward_term
+@reward_term(needs=("path_distance",))
 def path_progress(step: Step) -> Any:
     """Decrease of the length of the way to the goal [m]: it leads out of dead ends."""
     return step.previous_path_distance - step.path_distance
@@ -83,7 +106,7 @@ def personal_space(step: Step, distance: float = 0.5) -> Any:
     return _intrusion(step, step.mover_gap, distance)
 
 
-@reward_term
+@reward_term(needs=("visited",))
 def revisiting(step: Step) -> Any:
     """1 at a place that the robot had left, 0 away from all such places (``trail.near``)."""
     return step.visited[:, -1]

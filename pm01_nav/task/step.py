@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What happened in one control step, for reward terms and end conditions to read.
 
-All of it is true, whatever the robot's sensors and odometry say, but for ``visited``.
+All of it is true, whatever the robot's sensors and odometry say, but for ``visited``. What takes
+time is computed only where a term of the task says that it ``needs`` it.
 """
 
 from __future__ import annotations
@@ -9,6 +10,43 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
+
+from pm01_nav.errors import InputError
+
+ON_DEMAND = ("path_distance", "visited")
+"""What a term may need: the lengths of the way to the goal, and the trail."""
+
+
+class OnDemand:
+    """A field of ``Step`` that is None where no term needs it, and is then refused to readers."""
+
+    def __init__(self, need: str) -> None:
+        """Belong to one of ``ON_DEMAND``."""
+        self._need = need
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Learn the field's name."""
+        self._name = name
+
+    def __get__(self, step: Step | None, owner: type | None = None) -> Any:
+        """Return the value.
+
+        Raises:
+            InputError: it was not computed.
+        """
+        if step is None:
+            raise AttributeError(self._name)  # It tells the dataclass that there is no default.
+        value = step.__dict__[self._name]
+        if value is None:
+            raise InputError(
+                f"step.{self._name} is not computed for this task: the reward term that reads it "
+                f'must say so: @reward_term(needs=("{self._need}",))'
+            )
+        return value
+
+    def __set__(self, step: Step, value: Any) -> None:
+        """Keep the value."""
+        step.__dict__[self._name] = value
 
 
 @dataclass
@@ -37,14 +75,14 @@ class Step:
     """Direction of the goal in base_link [rad], shape (num_envs,)."""
     previous_goal_distance: Any
     """Goal distance before the step [m], shape (num_envs,)."""
-    path_distance: Any
-    """Length of the way to the goal, where rewards ask for it [m], shape (num_envs,)."""
-    previous_path_distance: Any
-    """The same before the step [m], shape (num_envs,)."""
-    visited: Any
-    """What the trail shows by odometry, where the task has one, shape (num_envs, trail size)."""
     count: Any
     """Steps of the episode so far, this one included, shape (num_envs,)."""
+    path_distance: Any = OnDemand("path_distance")
+    """Length of the way to the goal [m], shape (num_envs,)."""
+    previous_path_distance: Any = OnDemand("path_distance")
+    """The same before the step [m], shape (num_envs,)."""
+    visited: Any = OnDemand("visited")
+    """What the trail shows by odometry, shape (num_envs, trail size)."""
     faults: dict[int, str] = field(default_factory=dict)
     """Environments that the simulator lost, with the reason."""
     action: Any = None

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.sparse import coo_array
@@ -11,7 +13,9 @@ from scipy.sparse.csgraph import dijkstra
 from pm01_nav.robot import load_robot
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.sim.state import Features
+from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.worlds.free_space import shortest_path_length
+from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.pool import WorldPool, build_pool, generate_pool
 from pm01_nav.worlds.suites import SUITES
 from pm01_nav.worlds.world import World
@@ -134,3 +138,25 @@ def test_a_huge_world_has_no_raster() -> None:
     sim.reset(worlds=np.array([0, 1]))
     assert sim.state.path_distance[0] == sim.state.goal_polar[0, 0]
     assert sim.state.path_distance[1] >= sim.state.goal_polar[1, 0]
+
+
+@pytest.mark.parametrize("how", ["planar", "movers", "errors"])
+def test_an_episode_off_the_raster_begins_with_the_straight_distance(how: str) -> None:
+    world = replace(wall_with_a_gap(), discs=np.array([[1.0, 3.2, 0.5]]))
+    if how == "movers":
+        still = Mover("bounce", 0.1, np.array([[5.5, 3.5]]), speed=0.1, heading=0.0)
+        world = replace(world, movers=(still,))
+    sim = PlanarSimulator(load_robot("pm01"), build_pool([world], RADIUS), 1, features=WAYS)
+    if how == "errors":
+        sim.perturb(RandomizationConfig().ranges(sim.robot))
+    sim.seed([0])
+    sim.reset()
+    way = np.array([0]), [[2.0, 1.0, 0.0]], [[4.0, 1.0]]
+    sim.place(*way)
+    around = float(sim.state.path_distance[0])
+    assert around > 3.0
+    # In the middle of the disc no cell around is free: 4 m and 3 m to the sides of the goal.
+    sim.place(np.array([0]), [[1.0, 3.2, 0.0]], [[5.0, 0.2]])
+    assert sim.state.path_distance[0] == pytest.approx(5.0)
+    sim.place(*way)
+    assert sim.state.path_distance[0] == around

@@ -14,7 +14,9 @@ from pm01_nav.robot import full_circle
 from pm01_nav.sim import random
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.randomization import default_randomization
 from pm01_nav.task.tasks import task_config
+from pm01_nav.task.worlds import world_pool
 from pm01_nav.worlds.pool import WorldPool, generate_pool
 from pm01_nav.worlds.suites import SUITES
 
@@ -130,6 +132,32 @@ def test_saved_state_goes_on_as_if_it_had_never_stopped(pool: WorldPool) -> None
     record(one, actions(8)[:half])
     two.load_state_dict(one.state_dict())
     assert_bit_equal(record(one, actions(8)[half:]), record(two, actions(8)[half:]))
+
+
+@pytest.mark.parametrize("errors", [False, True])
+def test_an_episode_finds_all_as_the_first_one_did(errors: bool) -> None:
+    # Worlds with and without movers, large and small; with trail, frames and ways.
+    task = task_config("mixed").model_copy(update={"num_worlds": 8})
+    if errors:
+        task = task.model_copy(update={"randomization": default_randomization()})
+    pool = world_pool(task, "train", 8)
+    assert len(set(np.diff(pool.arrays.mover_begin))) > 2
+    used, fresh = (NavigationBatch(task, pool, 8) for _ in range(2))
+    used.reset(np.arange(8))
+    used.simulator.state.path_distance[:] = 99.0
+    record(used, actions(8)[:40])
+    again = [batch.reset(100 + np.arange(8)) for batch in (used, fresh)]
+    assert (again[0] == again[1]).all()
+    before, now = fresh.state_dict(), used.state_dict()
+    # Memories of which nothing is read that was written before: beyond the noted places, the
+    # world's movers and its cells, and a ring that may begin anywhere.
+    rest = {"trail", "path_field", "frame_now"} | {
+        f"mover_{name}" for name in ("position", "radius", "target", "clock", "leg")
+    }
+    assert_bit_equal(*({n: a for n, a in s.items() if n not in rest} for s in (before, now)))
+    there = np.arange(now["mover_radius"].shape[1]) < now["mover_count"][:, None]
+    for name in ("mover_position", "mover_radius", "mover_target", "mover_clock", "mover_leg"):
+        assert (before[name][there] == now[name][there]).all()
 
 
 def draws(seeds: NDArray[np.int64], count: int) -> NDArray[np.float64]:

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pm01_nav.errors import InputError
 from pm01_nav.robot import full_circle
+from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
-from pm01_nav.task.rewards import REWARDS
+from pm01_nav.task.rewards import NEEDS, REWARDS, reward_term
 from pm01_nav.task.step import Step
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
@@ -150,3 +152,69 @@ def test_reward_of_a_step_by_hand() -> None:
     # 0.05 m of progress at 10, less 0.05 for the step and 0.005 x 0.5 for the speed.
     assert result.reward[0] == pytest.approx(0.5 - 0.05 - 0.0025, abs=1e-9)
     assert result.rewards["progress"][0] == pytest.approx(0.5, abs=1e-9)
+
+
+@pytest.fixture
+def own_terms(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the term ``own`` of a test be forgotten after it."""
+    for table in (REWARDS, NEEDS):
+        monkeypatch.setitem(table, "own", None)
+
+
+def only(term: str, **changes: Any) -> TaskConfig:
+    """Return ``u_traps``, where ways are longer than they look, with a single term."""
+    config = task_config("u_traps").model_dump() | {"num_worlds": 4}
+    config["rewards"] = {term: {"weight": 1.0}}
+    return TaskConfig.model_validate(config | changes)
+
+
+def begun(config: TaskConfig) -> NavigationBatch:
+    batch = NavigationBatch(config, world_pool(config, "train", 4), 8)
+    batch.reset(np.arange(8))
+    return batch
+
+
+@pytest.mark.usefixtures("own_terms")
+def test_a_term_says_what_it_needs_and_gets_it() -> None:
+    @reward_term(needs=("path_distance",))
+    def own(step: Step) -> Any:
+        """Length of the way to the goal [m]."""
+        return step.path_distance
+
+    alone, beside = begun(only("own")), begun(only("path_progress"))
+    paid = alone.step(np.zeros((8, 2))).reward
+    beside.step(np.zeros((8, 2)))
+    # The same robots paid by `path_progress`, for which ways were always computed.
+    ways = beside.simulator.state.path_distance
+    assert (paid == ways).all()
+    straight = beside.simulator.state.goal_polar[:, 0]
+    assert (ways >= straight).all()
+    assert ways.sum() > straight.sum() + 1.0
+
+
+@pytest.mark.usefixtures("own_terms")
+@pytest.mark.parametrize("name", ["path_distance", "previous_path_distance", "visited"])
+def test_what_is_not_computed_cannot_be_read(name: str) -> None:
+    @reward_term
+    def own(step: Step) -> Any:
+        return getattr(step, name)
+
+    observation = task_config("static").observation.model_dump()
+    batch = begun(only("own", observation=observation))
+    need = name.removeprefix("previous_")
+    wanted = rf'^step.{name} is not computed .* @reward_term\(needs=\("{need}",\)\)$'
+    with pytest.raises(InputError, match=wanted):
+        batch.step(np.zeros((8, 2)))
+
+
+@pytest.mark.usefixtures("own_terms")
+def test_needs_are_checked() -> None:
+    @reward_term(needs=("visited",))
+    def own(step: Step) -> Any:
+        return step.visited[:, 0]
+
+    observation = task_config("static").observation.model_dump()
+    with pytest.raises(ValueError, match=r"rewards\.own: needs observation\.trail"):
+        only("own", observation=observation)
+    with pytest.raises(ValueError, match="needs 'clearence': unknown; allowed: path_distance, vis"):
+        reward_term(needs=("clearence",))(lambda step: step.clearance)
