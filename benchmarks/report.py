@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from pm01_nav.config import write_atomically
-from pm01_nav.provenance import provenance
+from pm01_nav.provenance import provenance, shown_command
 
 
 def write_report(path: str, results: dict[str, Any]) -> None:
     """Write ``results`` and where they come from to ``path``."""
-    origin = provenance() | {"command": " ".join(["python", *sys.argv])}
+    origin = provenance() | {"command": shown_command("python", sys.argv)}
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, json.dumps(results | origin, indent=2) + "\n")
     print(json.dumps(results, indent=2))

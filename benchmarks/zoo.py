@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnx
 
 from pm01_nav.benchmark.evaluate import Evaluator, GoalSource, answer
 from pm01_nav.benchmark.policies import load_policy, trained_task
 from pm01_nav.config import to_yaml, write_atomically
-from pm01_nav.policy.onnx_policy import METADATA_KEY, OnnxPolicy
+from pm01_nav.policy.onnx_file import cleaned
+from pm01_nav.policy.onnx_policy import OnnxPolicy
 from pm01_nav.publish import RATES, result_of
 from pm01_nav.task.spinning import SpinMeter
 from pm01_nav.zoo import FOLDER
@@ -31,16 +31,13 @@ TABLE = Path(__file__).parent / "results" / "benchmark.csv"
 
 def copy_policy(run: Path, target: Path, name: str, command: str | None) -> dict[str, Any]:
     """Copy the file; its command names no folder of the machine that made it."""
-    model = onnx.load(run / "policy.onnx")
-    for entry in model.metadata_props:
-        if entry.key == METADATA_KEY:
-            metadata = json.loads(entry.value)
-            typed = command or metadata["command"]
-            metadata["command"] = re.sub(r"--out \S+", f"--out runs/{name}", typed)
-            entry.value = json.dumps(metadata)
+    metadata = OnnxPolicy(run / "policy.onnx").metadata
+    typed = command or metadata["command"]
+    metadata["command"] = re.sub(r"--out \S+", f"--out runs/{name}", typed)
     target.mkdir(exist_ok=True)
-    write_atomically(target / "policy.onnx", model.SerializeToString())
-    return OnnxPolicy(target / "policy.onnx").metadata
+    content = cleaned((run / "policy.onnx").read_bytes(), metadata)
+    write_atomically(target / "policy.onnx", content)
+    return metadata
 
 
 def from_table(entry: str) -> list[dict[str, Any]]:

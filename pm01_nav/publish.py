@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +12,12 @@ from pm01_nav.config import make_folder, to_yaml, write_atomically
 from pm01_nav.documents import load_json, load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.policy import OnnxPolicy
+from pm01_nav.provenance import shown
 from pm01_nav.zoo import PREFIX, zoo_folder
 
 LICENSE = "apache-2.0"
+EXPORTERS_MARK = b"pkg.torch"
+"""Begins the names of what torch's exporter leaves in a file."""
 RATES = ("success_rate", "collision_rate", "timeout_rate")
 
 
@@ -31,7 +33,7 @@ def card_of(name: str) -> dict[str, Any]:
     metadata = OnnxPolicy(file).metadata
     measured = file.with_name("metrics.json")
     task = metadata.get("task")
-    return {
+    card = {
         "name": file.resolve().parent.name if file.name == "policy.onnx" else file.stem,
         "summary": "A local navigation policy trained with PM01 Navigation.",
         "robot": metadata.get("robot"),
@@ -43,6 +45,7 @@ def card_of(name: str) -> dict[str, Any]:
         "results": [result_of(load_json(measured))] if measured.is_file() else [],
         "limits": ["Measured in simulation only."],
     }
+    return shown(card)
 
 
 def result_of(summary: dict[str, Any]) -> dict[str, Any]:
@@ -61,16 +64,37 @@ def write_repository(name: str, folder: Path) -> list[Path]:
     card, file = card_of(name), policy_file(name)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"output = {folder}: exists and is not an empty folder")
+    metadata = OnnxPolicy(file).metadata
+    content = _shareable(file, metadata)
     make_folder(folder, "output")
-    shutil.copyfile(file, folder / "policy.onnx")
-    texts = {
+    files = {
+        "policy.onnx": content,
         "README.md": readme(card),
-        "config.json": json.dumps(OnnxPolicy(file).metadata, indent=2) + "\n",
+        "config.json": json.dumps(shown(metadata), indent=2) + "\n",
         "results.json": json.dumps(card["results"], indent=2) + "\n",
     }
-    for text_name, text in texts.items():
-        write_atomically(folder / text_name, text)
-    return [folder / "policy.onnx", *(folder / text_name for text_name in texts)]
+    for file_name, text in files.items():
+        write_atomically(folder / file_name, text)
+    return [folder / file_name for file_name in files]
+
+
+def _shareable(file: Path, metadata: dict[str, Any]) -> bytes:
+    """Return a policy's file without what early versions of this program left in it.
+
+    Raises:
+        InputError: there is something to be taken out, and onnx is not installed.
+    """
+    content = file.read_bytes()
+    if EXPORTERS_MARK not in content and shown(metadata) == metadata:
+        return content
+    try:
+        from pm01_nav.policy.onnx_file import cleaned
+    except ImportError as error:
+        raise InputError(
+            f"{file}: names folders of the machine that made it; to take them out: "
+            "pip install 'pm01-nav[train]'"
+        ) from error
+    return cleaned(content, metadata)
 
 
 def readme(card: dict[str, Any]) -> str:

@@ -14,6 +14,7 @@ from pm01_nav.benchmark.suite import Suite
 from pm01_nav.errors import InputError
 from pm01_nav.planners import PLANNERS, planner_params
 from pm01_nav.policy import Policy
+from pm01_nav.provenance import shown_path
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
 
@@ -31,7 +32,7 @@ class Entry:
 
     def describe(self) -> dict[str, str]:
         """Return it as plain data."""
-        return asdict(self)
+        return asdict(self) | {"source": shown_path(self.source)}
 
     def load(self, suite: Suite) -> Policy:
         """Return the policy, made for the suite's robot.

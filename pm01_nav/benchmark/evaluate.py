@@ -14,6 +14,7 @@ from pm01_nav.benchmark.recorder import EpisodeResults, Recorder
 from pm01_nav.benchmark.summary import summarize
 from pm01_nav.planners.plan_follower import PlanFollower
 from pm01_nav.policy.protocol import Policy
+from pm01_nav.provenance import shown
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.worlds import FILE_SUITES, world_pool
@@ -231,7 +232,7 @@ def answer(
             policy.keep(left)
         command = np.asarray(policy.act(scan, goal, twist), dtype=np.float64)
     except Exception as error:  # whatever a policy may raise must not end the evaluation
-        raise PolicyFailureError(f"{type(error).__name__}: {error}") from error
+        raise PolicyFailureError(shown(f"{type(error).__name__}: {error}")) from error
     if command.shape != (batch.num_envs, 2):
         wanted = (batch.num_envs, 2)
         raise PolicyFailureError(f"answered with shape {command.shape} instead of {wanted}")

@@ -13,6 +13,7 @@ from pm01_nav.planners import PLANNERS, make_planner
 from pm01_nav.policy import OnnxPolicy, Policy
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.given_files import located
 from pm01_nav.zoo import PREFIX, resolved, zoo_names
 
 
@@ -55,7 +56,8 @@ def _stored_task(folder: Path) -> TaskConfig:
     path = folder / "config.yaml"
     if not path.is_file():
         raise InputError(f"{folder}: is no run folder (it has no config.yaml)")
-    return validate(TaskConfig, load_yaml(path).get("task") or {}, str(path), inside="task")
+    task = located(load_yaml(path).get("task") or {}, folder)
+    return validate(TaskConfig, task, str(path), inside="task")
 
 
 def policy_file(name: str) -> Path:

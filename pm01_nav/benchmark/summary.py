@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.benchmark.metrics import barn_score, spl, wilson_interval
 from pm01_nav.benchmark.recorder import EpisodeResults
+from pm01_nav.provenance import shown_path
 from pm01_nav.task.config import TaskConfig
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +37,7 @@ def summarize(results: EpisodeResults, config: TaskConfig) -> dict[str, Any]:
     steps = results.steps
     summary: dict[str, Any] = {
         "task": config.name,
-        "robot": config.robot,
+        "robot": shown_path(config.robot),
         "backend": config.backend,
         "episodes": n,
     }

@@ -54,6 +54,7 @@ def command(
     from pm01_nav.benchmark.evaluate import Evaluator
     from pm01_nav.benchmark.policies import load_policy, trained_task
     from pm01_nav.config import check_output
+    from pm01_nav.provenance import shown_path
 
     if json_file not in (None, "-"):
         check_output(json_file, "json")
@@ -61,7 +62,7 @@ def command(
     task = task_from_options(trained_task(policy), **options)
     driver = load_policy(policy, task.robot_spec(), task.control_dt)
     evaluator = Evaluator(task, episodes, seed, look_ahead=distance)
-    summary = {"policy": policy} | evaluator.summary(driver)
+    summary = {"policy": shown_path(policy)} | evaluator.summary(driver)
     _report(summary, f"{task.name}: {episodes} episodes, seed {seed}", json_file)
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -193,8 +194,12 @@ def given_settings(config_file: str | None, changes: tuple[str, ...]) -> dict[st
     """
     from pm01_nav.config import merge
     from pm01_nav.documents import load_yaml
+    from pm01_nav.task.given_files import located
 
-    settings = merge(load_yaml(config_file) if config_file else {}, parse_changes(changes))
+    settings = load_yaml(config_file) if config_file else {}
+    if config_file and isinstance(settings.get("task"), dict):
+        settings["task"] = located(settings["task"], Path(config_file).parent)
+    settings = merge(settings, parse_changes(changes))
     _only_sections(settings, config_file or "--set")
     return settings
 

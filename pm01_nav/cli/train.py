@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -240,6 +241,7 @@ def fresh_config(options: dict[str, Any], defaults: dict[str, Any] | None = None
 def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
     from pm01_nav.config import merge
     from pm01_nav.errors import InputError
+    from pm01_nav.task.given_files import stored_task
     from pm01_nav.train.run_folder import RunFolder
 
     if options["config_file"]:
@@ -248,7 +250,8 @@ def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
     flags = {name: options.pop(name) for name in FLAGS}
     n_envs = options.pop("n_envs")
     named, task = options["task"], task_from_options(stored.task, **options)
-    if (named and named != stored.task.name) or task != stored.task:
+    same = stored_task(task, Path(resume)) == stored_task(stored.task, Path(resume))
+    if (named and named != stored.task.name) or not same:
         raise InputError(
             f"--resume {resume}: was made with another task ({stored.task.name}, see its "
             "config.yaml); leave the task's options away"

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import warnings
 from dataclasses import dataclass
@@ -18,7 +17,8 @@ from stable_baselines3.common.policies import BasePolicy
 from pm01_nav.config import write_atomically
 from pm01_nav.policy.actors import actor_of
 from pm01_nav.policy.network_policy import NetworkPolicy
-from pm01_nav.policy.onnx_policy import FORMAT, METADATA_KEY
+from pm01_nav.policy.onnx_file import set_metadata
+from pm01_nav.policy.onnx_policy import FORMAT
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.observation import ObservationLayout
 
@@ -142,8 +142,7 @@ def export_policy(
         outputs.append("memory_after")
         examples.append(torch.zeros(2, module.memory_size))
     model = _to_onnx(module, examples, inputs, outputs)
-    entry = model.metadata_props.add()
-    entry.key, entry.value = METADATA_KEY, json.dumps(metadata)
+    set_metadata(model, metadata)
     write_atomically(path, model.SerializeToString())
 
 

@@ -8,6 +8,7 @@ from collections import deque
 from typing import Any
 
 import numpy as np
+import torch
 
 from pm01_nav.task.navigation import Episodes
 
@@ -83,13 +84,18 @@ class History:
         return json.dumps(columns)
 
     def state_dict(self) -> dict[str, Any]:
-        """Return plain data to go on from."""
-        return {"columns": self.columns, "recent": [list(pair) for pair in self._recent]}
+        """Return tensors and plain data to go on from."""
+        # A million numbers are written at once as tensors; one by one it would take seconds.
+        columns = {n: torch.tensor(v, dtype=torch.float64) for n, v in self.columns.items()}
+        return {"columns": columns, "recent": torch.tensor(list(self._recent), dtype=torch.bool)}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from ``state_dict``."""
-        self.columns = state["columns"]
-        self._recent.extend((bool(s), bool(c)) for s, c in state["recent"])
+        # Checkpoints of early versions hold lists.
+        columns = state["columns"].items()
+        self.columns = {n: torch.as_tensor(v, dtype=torch.float64).tolist() for n, v in columns}
+        recent = torch.as_tensor(state["recent"]).tolist()
+        self._recent.extend((bool(success), bool(collision)) for success, collision in recent)
 
     def _episode_means(self) -> dict[str, float]:
         if not self._episodes:

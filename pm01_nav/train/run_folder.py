@@ -9,6 +9,7 @@ from pathlib import Path
 from pm01_nav.config import to_yaml, validate, write_atomically
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
+from pm01_nav.task.given_files import copy_given, located, stored_task
 from pm01_nav.train.algorithms import ALGORITHMS
 from pm01_nav.train.config import RunConfig
 
@@ -62,11 +63,35 @@ class RunFolder:
             raise InputError(f"out = {self.path}: cannot be made: {error.strerror}") from error
         self.store(config)
 
+    def reopen(self, config: RunConfig) -> None:
+        """Store the configuration of a run that goes on, without what a kill left of it.
+
+        Raises:
+            InputError: the robot or the map cannot be copied.
+        """
+        for half_written in self.path.glob(".*.tmp"):
+            half_written.unlink()
+        if not self.last.exists():
+            # Of an attempt from which nothing else is left.
+            self.best.unlink(missing_ok=True)
+        self.store(config)
+
+    def is_exported(self) -> bool:
+        """Tell whether the policy was exported since the last checkpoint."""
+        policy = self.policy.stat().st_mtime_ns if self.policy.is_file() else -1
+        return policy >= self.last.stat().st_mtime_ns
+
     def store(self, config: RunConfig) -> None:
-        """Write the effective configuration, without the sections of other algorithms."""
+        """Write the effective configuration, without the sections of other algorithms.
+
+        Raises:
+            InputError: the robot or the map cannot be copied.
+        """
+        shown = config.model_copy(update={"task": stored_task(config.task, self.path)})
         unused = set(ALGORITHMS) - {config.train.algo}
-        data = config.model_dump(mode="json", exclude={"train": unused})
+        data = shown.model_dump(mode="json", exclude={"train": unused})
         write_atomically(self.config, to_yaml(data))
+        copy_given(config.task, self.path)
 
     def load_config(self) -> RunConfig:
         """Read the stored configuration.
@@ -76,4 +101,7 @@ class RunFolder:
         """
         if not self.config.is_file():
             raise InputError(f"{self.path}: is no run folder (it has no config.yaml)")
-        return validate(RunConfig, load_yaml(self.config), str(self.config))
+        data = load_yaml(self.config)
+        if isinstance(data.get("task"), dict):
+            data["task"] = located(data["task"], self.path)
+        return validate(RunConfig, data, str(self.config))

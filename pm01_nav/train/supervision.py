@@ -30,6 +30,7 @@ from pm01_nav.train.divergence import check_finite
 from pm01_nav.train.environment import observation_statistics
 from pm01_nav.train.history import History
 from pm01_nav.train.learner import Algorithm
+from pm01_nav.train.pace import Pace
 from pm01_nav.train.remote_batch import Batch
 from pm01_nav.train.run_folder import RunFolder
 
@@ -39,8 +40,6 @@ WATCHED_ROBOTS = 64
 """So many robots are looked at for spinning."""
 WARN_EVERY = 10
 """Iterations between two looks for what goes wrong."""
-SAVING_SHARE = 0.05
-"""Checkpoints with a replay buffer are large; saving takes at most this part of the time."""
 
 
 class Progress(Protocol):
@@ -92,8 +91,9 @@ class Supervision(BaseCallback):
         self.best = {"success_rate": -1.0, "steps": 0, "spl": 0.0}
         self.interrupted = threading.Event()
         self._next_evaluation = config.train.eval_every
-        self._saved_at = time.perf_counter()
-        self._saving_takes = 0.0
+        self._evaluated_at = -1
+        self._saving = Pace(config.train.checkpoint_every)
+        self._writing = Pace(config.train.checkpoint_every)
         self._rounds = 0
         self._spin: SpinMeter | None = None
         self._warned: set[str] = set()
@@ -153,30 +153,35 @@ class Supervision(BaseCallback):
         if (self._rounds - 1) % self._rounds_per_iteration:
             return
         self.budget.steps_done = self.num_timesteps
-        if self._iteration_at is not None:
-            self._end_iteration()
+        duration = None if self._iteration_at is None else time.perf_counter() - self._iteration_at
+        if duration is not None:
+            self._end_iteration(duration)
         spent = self.budget.fraction() >= 1.0
-        evaluates = self.num_timesteps >= self._next_evaluation
-        if evaluates:
-            self._next_evaluation += self.config.train.eval_every
-        if evaluates or spent:
-            self.evaluate()
+        self._evaluate_if_due(spent)
         if spent:
             self.logger.dump(self.num_timesteps)  # SB3 will not get to it any more
         self._finished = spent or self.interrupted.is_set()
-        pause = max(self.config.train.checkpoint_every, self._saving_takes / SAVING_SHARE)
-        due = time.perf_counter() - self._saved_at >= pause
+        # The next occasion is an iteration away.
+        due = duration is not None and self._saving.due(duration)
         if due or self._finished:
             self.save()
         self._iteration_at = time.perf_counter()
+
+    def _evaluate_if_due(self, spent: bool) -> None:
+        due = self.num_timesteps >= self._next_evaluation
+        if due and not spent:
+            # An evaluation takes seconds, in which a kill must not cost what was learned before.
+            self.save()
+        if due:
+            self._next_evaluation += self.config.train.eval_every
+        if due or (spent and self._evaluated_at != self.num_timesteps):
+            self.evaluate()
 
     @property
     def _rounds_per_iteration(self) -> int:
         return getattr(self.config.train.hyperparameters, "log_interval", 1)
 
-    def _end_iteration(self) -> None:
-        assert self._iteration_at is not None
-        duration = time.perf_counter() - self._iteration_at
+    def _end_iteration(self, duration: float) -> None:
         rate = self.config.train.hyperparameters.samples / duration
         metrics = self.curriculum.metrics()
         more = {"spinning": self._spin.share()} if self._spin else None
@@ -214,6 +219,7 @@ class Supervision(BaseCallback):
             observation_statistics(getattr(self._learner, "env", None)),
         )
         summary = self._evaluator.summary(policy)
+        self._evaluated_at = self.num_timesteps
         self.history.add_evaluation(self.budget.seconds, summary)
         for name in ("success_rate", "collision_rate", "timeout_rate", "spl"):
             self.logger.record(f"eval/{name}", summary[name])
@@ -224,12 +230,13 @@ class Supervision(BaseCallback):
             save_weights(self.folder.best, self._learner)
 
     def save(self) -> None:
-        """Write the last checkpoint and the history."""
-        began = time.perf_counter()
-        save_checkpoint(self.folder.last, self._learner, self.algorithm, self.batch, self.state())
-        write_atomically(self.folder.history, self.history.to_json())
-        self._saved_at = time.perf_counter()
-        self._saving_takes = self._saved_at - began
+        """Write the last checkpoint and, less often if it is long, the history for others."""
+        state = self.state()
+        with self._saving.spent():
+            save_checkpoint(self.folder.last, self._learner, self.algorithm, self.batch, state)
+        if self._finished or self._writing.due():
+            with self._writing.spent():
+                write_atomically(self.folder.history, self.history.to_json())
 
     def state(self) -> dict[str, Any]:
         """Return what a checkpoint must know beyond learner and environments."""
@@ -238,6 +245,7 @@ class Supervision(BaseCallback):
             "curriculum": self.curriculum.state_dict(),
             "best": self.best,
             "next_evaluation": self._next_evaluation,
+            "evaluated_at": self._evaluated_at,
             "seconds": self.budget.seconds,
             "learning_since": self.budget.learning_since,
             "spin": self._spin.state_dict() if self._spin else None,
@@ -261,6 +269,7 @@ class Supervision(BaseCallback):
         apply(self.curriculum, self.batch)
         self.best = state["best"]
         self._next_evaluation = state["next_evaluation"]
+        self._evaluated_at = state.get("evaluated_at", -1)
         self._warned = set(state["warned"])
         if state["spin"] is not None:
             self._spin = SpinMeter(np.zeros((len(state["spin"]["yaw"]), 3)))

@@ -19,8 +19,9 @@ from pm01_nav.config import make_folder, to_yaml, validate, write_atomically
 from pm01_nav.documents import load_json, load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.executors import INTERRUPTED, Executor, run_pm01
-from pm01_nav.provenance import provenance
+from pm01_nav.provenance import provenance, shown
 from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.given_files import GIVEN, copy_given, stored_task
 from pm01_nav.task.worlds import FILE_SUITES, world_pool
 from pm01_nav.train.config import RunConfig
 from pm01_nav.train.statistics import curves_at, iqm_with_interval, time_to
@@ -99,11 +100,13 @@ def run_seed(job: SeedJob) -> dict[str, bytes]:
         if told.startswith(INTERRUPTED):
             raise RuntimeError(told.splitlines()[0])
         files = {file: (out / file).read_bytes() for file in KEPT}
+        for file in filter(Path.is_file, (out / GIVEN).rglob("*")):
+            files[file.relative_to(out).as_posix()] = file.read_bytes()
         measured = {}
         for suite, chosen in suites.items():
             many = ("--episodes", str(job.episodes), "--seed", str(job.eval_seed), "--json", "-")
             text = run_pm01(("evaluate", str(out), *chosen, *many), environment)
-            measured[suite] = json.loads(text)
+            measured[shown(suite)] = json.loads(text)
     return files | {EVALUATIONS: json.dumps(measured, indent=2).encode()}
 
 
@@ -135,7 +138,8 @@ class Sweep:
             InputError: the folder cannot be written, or holds a sweep of another configuration or
                 one that was measured on other episodes.
         """
-        text = to_yaml(self.config.model_dump(mode="json"))
+        shared = self.config.model_copy(update={"task": stored_task(self.config.task, self.folder)})
+        text = to_yaml(shared.model_dump(mode="json"))
         stored = self.folder / "config.yaml"
         if stored.is_file():
             if stored.read_text(encoding="utf-8") != text:
@@ -152,6 +156,7 @@ class Sweep:
                 f"{_as_options(measured)}; give the same again, or another --out"
             )
         make_folder(self.folder)
+        copy_given(self.config.task, self.folder)
         write_atomically(stored, text)
         write_atomically(self.folder / MEASURED, to_yaml(measured))
         return [s for s in self.seeds if not (self._seed_folder(s) / EVALUATIONS).is_file()]
@@ -235,8 +240,8 @@ class Sweep:
 
     def _keep(self, seed: int, files: dict[str, bytes]) -> None:
         folder = self._seed_folder(seed)
-        folder.mkdir(exist_ok=True)
         for name, content in sorted(files.items(), key=lambda item: item[0] == EVALUATIONS):
+            make_folder((folder / name).parent)
             write_atomically(folder / name, content)
 
     def _seed_folder(self, seed: int) -> Path:
@@ -266,8 +271,15 @@ def _together(curves: Sequence[tuple[Sequence[float], Sequence[float]]]) -> dict
 
 
 def _measurement(suites: Iterable[str], episodes: int, seed: int) -> dict[str, Any]:
-    """Return what decides which episodes a policy is measured on, as plain data."""
-    return {"suites": sorted(suites), "episodes": episodes, "seed": seed}
+    """Return what decides which episodes a policy is measured on, as plain data.
+
+    Raises:
+        InputError: two suites' files have the same name.
+    """
+    named = sorted({shown(suite) for suite in suites})
+    if len(named) < len(set(suites)):
+        raise InputError(f"suite: two have the same name ({', '.join(named)}); give each its own")
+    return {"suites": named, "episodes": episodes, "seed": seed}
 
 
 def _as_options(measurement: dict[str, Any]) -> str:

@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import json
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
@@ -12,6 +15,7 @@ from pm01_nav.config import write_atomically
 from pm01_nav.documents import load_json
 from pm01_nav.errors import InputError
 from pm01_nav.provenance import provenance
+from pm01_nav.task.given_files import stored_task
 from pm01_nav.train.config import RunConfig
 from pm01_nav.train.run_folder import RunFolder
 
@@ -31,6 +35,7 @@ class WandbWriter(KVWriter):
         import wandb
         from wandb.errors import Error
 
+        shared = config.model_copy(update={"task": stored_task(config.task, folder.path)})
         try:
             self._run = wandb.init(
                 project=PROJECT,
@@ -38,7 +43,15 @@ class WandbWriter(KVWriter):
                 id=_identity(folder),
                 resume="allow",
                 dir=str(folder.path),
-                config=config.model_dump(mode="json"),
+                config=shared.model_dump(mode="json"),
+                # Nothing of who runs it where, nor of the machine beyond what run.json has.
+                settings=wandb.Settings(
+                    x_disable_meta=True,
+                    x_disable_machine_info=True,
+                    disable_git=True,
+                    disable_code=True,
+                    host="localhost",
+                ),
             )
         except Error as error:
             reason = " ".join(str(error).split())[:200]
@@ -94,10 +107,21 @@ def make_logger(config: RunConfig, folder: RunFolder) -> Logger:
     Raises:
         InputError: Weights & Biases cannot begin.
     """
-    writers: list[KVWriter] = [TensorBoardOutputFormat(str(folder.tensorboard))]
+    with _host_unnamed():
+        writers: list[KVWriter] = [TensorBoardOutputFormat(str(folder.tensorboard))]
     if config.train.track == "wandb":
         writers.append(WandbWriter(config, folder))
     return Logger(str(folder.tensorboard), writers)
+
+
+@contextmanager
+def _host_unnamed() -> Iterator[None]:
+    """Keep the machine's name from tensorboard, which makes it a part of its file's name."""
+    known, socket.gethostname = socket.gethostname, lambda: "localhost"
+    try:
+        yield
+    finally:
+        socket.gethostname = known
 
 
 def record_session(config: RunConfig, folder: RunFolder) -> None:

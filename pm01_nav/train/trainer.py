@@ -23,6 +23,7 @@ from pm01_nav.sim.warm_up import warm_up
 from pm01_nav.standing import Host, make_host
 from pm01_nav.task.config import observation_layout
 from pm01_nav.task.curriculum import Curriculum, apply, make_curriculum
+from pm01_nav.task.given_files import stored_task
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.train.algorithms import algorithm
@@ -56,7 +57,8 @@ def train(
     """Train into ``folder`` and export its best policy at the end.
 
     Ctrl-C ends the run after the iteration under way, with everything saved; pressed twice, at
-    once. With ``resume`` the last checkpoint is the beginning. ``ray`` is the cluster of the
+    once. With ``resume`` the last checkpoint is the beginning; a run that was killed before its
+    first one begins anew. ``ray`` is the cluster of the
     workers that ``train.workers`` asks for; without it they are processes of this machine.
 
     Raises:
@@ -67,7 +69,7 @@ def train(
     if not resume:
         folder.check_free(force=force)
     arrays = arrays_on(config.train.device)
-    data = load_checkpoint(folder.last) if resume else None
+    data = load_checkpoint(folder.last) if resume and folder.last.exists() else None
     compiled = _compiling(warm_up)
     batch, curriculum = _environments(config, arrays)
     # Worlds that move and robots with errors have kernels of their own.
@@ -88,9 +90,11 @@ def train(
     # What a former run left may be replaced only now that all has been looked at. (Weights & Biases
     # may still refuse: it needs the folder.)
     if resume:
-        folder.store(config)
+        folder.reopen(config)
     else:
         folder.create(config, force=force)
+    if resume and data is None:
+        progress.started(f"{folder.path}: has no checkpoint yet; the same run begins anew")
     record_session(config, folder)
     model.set_logger(make_logger(config, folder))
     _announce(progress, compiled, threads)
@@ -196,7 +200,7 @@ def _go_on(data: dict[str, Any], model: Any, supervision: Supervision) -> None:
     supervision.load_state(data["extra"])
     budget.steps_done = model.num_timesteps
     budget.learning_since = data["extra"].get("learning_since", 0.0)
-    if budget.fraction() >= 1.0:
+    if budget.fraction() >= 1.0 and folder.is_exported():
         raise InputError(
             f"{folder.path}: is finished ({budget.steps_done:,} steps, "
             f"{budget.seconds:.0f} s); to go on give --steps or --time-budget, counted from "
@@ -219,7 +223,7 @@ def export_best(folder: RunFolder, config: RunConfig, path: Any = None) -> None:
     except RuntimeError as error:
         raise InputError(f"{folder.path}: the checkpoint does not belong to config.yaml") from error
     origin = {
-        "task": config.task.model_dump(mode="json", exclude={"map", "worlds"}),
+        "task": stored_task(config.task).model_dump(mode="json", exclude={"map", "worlds"}),
         "training_steps": data["num_timesteps"],
         "algorithm": config.train.algo,
         "seed": config.train.seed,

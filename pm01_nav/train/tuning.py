@@ -16,7 +16,7 @@ from pydantic import model_validator
 from pm01_nav.config import FrozenModel, make_folder, merge, validate, write_atomically
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
-from pm01_nav.provenance import provenance
+from pm01_nav.provenance import provenance, shown
 from pm01_nav.train.algorithms import ALGORITHMS
 from pm01_nav.train.config import RunConfig, TrainConfig
 from pm01_nav.train.run_folder import RunFolder
@@ -334,7 +334,7 @@ def _without_traceback(record: logging.LogRecord) -> bool:
 
 def _given_up(trial: Trial, how: str, error: Exception) -> optuna.TrialPruned:
     """Keep with a trial why its settings do not work; return what tells Optuna to go on."""
-    reason = " ".join(str(error).split()) or type(error).__name__
+    reason = shown(" ".join(str(error).split())) or type(error).__name__
     trial.set_user_attr(how, reason)
     return optuna.TrialPruned(reason)
 
