@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a raw range says, by REP-117 and ``sensor_msgs/LaserScan``, and what a driver's 0 stands for.
+"""What a raw range says, by REP-117 and ``sensor_msgs/LaserScan``, and what a 0 stands for.
 
 +inf is no return, -inf a return too close to measure, NaN invalid; so is a finite range outside the
 limits. A 0 is none of these: some drivers, of the LDS class, send it for no return.

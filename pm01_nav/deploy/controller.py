@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -93,7 +93,7 @@ class Controller:
         self.goal_radius = goal_radius
         self.supervisor = SafetySupervisor(robot, control_dt, safety, same_clock=same_clock)
         self.goal: Goal | None = None
-        self._fitter = ScanFitter(geometry)
+        self._fitter = ScanFitter(replace(geometry, zero_means=robot.lidar.zero_means))
         self._scan: Scan | None = None
         self._sound: float | None = None
         """When last there was no goal, or nothing that made the robot stand [s]."""
