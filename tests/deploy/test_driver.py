@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from pm01_nav.cli.drive import _Printer
 from pm01_nav.deploy.controller import Controller, Goal
 from pm01_nav.deploy.driver import Driver
 from pm01_nav.deploy.safety import Reason, SafetyConfig
@@ -30,6 +31,7 @@ class Robot:
         self.commands: list[tuple[float, float]] = []
         self.inbox = None
         self.x = 0.0
+        self.range = float("inf")
         self.link_age = 0.0
         self.ended = threading.Event()
 
@@ -54,7 +56,7 @@ class Robot:
             angle_increment=0.01745329,
             range_min=0.12,
             range_max=3.5,
-            ranges=[float("inf")] * 360,
+            ranges=[self.range] * 360,
         )
         self.inbox.put("scan", scan)
 
@@ -217,3 +219,18 @@ def test_behind_a_link_that_falls_behind_the_robot_stands(drive, link):
     assert statuses[-1].verdict.command == (0.0, 0.0)
     # It goes on when the link does: the goal is kept.
     assert not statuses[-1].dropped
+
+
+def test_a_lidar_that_sends_zeros_keeps_the_robot_where_it_is_and_is_named(drive, link, capsys):
+    link.range = 0.0
+    printers = []
+
+    def listen(driver, status):
+        printers.append(_Printer(driver)) if not printers else None
+        printers[0](status)
+        if driver.steps == 20:
+            driver.end()
+
+    drive(iter([Goal(5.0, 0.0)]), listen)
+    assert link.x == 0.0
+    assert "unusable; the scan is mostly zeros: set lidar.zero_means" in capsys.readouterr().out
