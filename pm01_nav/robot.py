@@ -14,6 +14,7 @@ from pm01_nav.config import FrozenModel, validate
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import is_convex_counter_clockwise
+from pm01_nav.readings import ZeroMeans
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -102,6 +103,8 @@ class Lidar(FrozenModel):
     """Returns nearer than this read -inf (REP-117) [m]."""
     range_max: Positive
     """Beyond this there is no return and the beam reads +inf [m]."""
+    zero_means: ZeroMeans = "invalid"
+    """What a range of 0 from the driver stands for; REP-117 has none."""
     x: float = 0.0
     """Mounting position in ``base_link`` [m]."""
     y: float = 0.0

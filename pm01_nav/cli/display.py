@@ -236,6 +236,7 @@ def _robot_rows(robot: RobotSpec) -> dict[str, dict[str, str]]:
         "lidar": {
             "beams": f"{lidar.num_beams}, {opening}, every {step:.3g} deg",
             "range": f"{lidar.range_min:g} to {lidar.range_max:g} m",
+            "a range of 0": lidar.zero_means.replace("_", " "),
             "place in base_link": f"({lidar.x:g}, {lidar.y:g}) m{turned}",
             "noise": f"{lidar.noise_std:g} m",
         },

@@ -156,6 +156,9 @@ class _Printer:
 
     def __call__(self, status: Status) -> None:
         reasons = tuple(reason.value for reason in status.verdict.reasons)
+        advice = self._driver.controller.supervisor.advice
+        if advice is not None:
+            reasons += (advice,)
         if self._driver.refused is not None:
             reasons += (f"refused: {self._driver.refused}",)
         if status.arrived:

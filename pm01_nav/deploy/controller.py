@@ -12,6 +12,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -89,7 +90,7 @@ class Controller:
         self._goals: deque[Goal] = deque()
         self._turning_since: float | None = None
         """Since when the robot is at the last goal and turns to its heading [s]."""
-        self._fitter = ScanFitter(geometry)
+        self._fitter = ScanFitter(replace(geometry, zero_means=robot.lidar.zero_means))
         self._scan: Scan | None = None
         self._sound: float | None = None
         """When last there was no goal, or nothing that made the robot stand [s]."""

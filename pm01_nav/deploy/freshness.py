@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """How old a topic's newest message is, by clocks that need not agree.
 
-Stamps are of the robot's clock, arrivals of ours. The quickest message so far tells how far the two
-clocks are apart; what comes later than that is late. So a message that waited in a queue is old
-when it arrives, and a sensor that repeats its last message grows old.
+Stamps are of the robot's clock, arrivals of ours. The quickest message so far, of whatever topic,
+tells how far the two clocks are apart; what comes later than that is late. So a message that waited
+in a queue is old when it arrives, a sensor that repeats its last message grows old, and a sensor
+whose messages always take longer than those of another is as much older.
 """
 
 from __future__ import annotations
@@ -25,20 +26,45 @@ class Arrival(Enum):
     """The robot's clock jumped; ages count from this message."""
 
 
+class RobotClock:
+    """How far a robot's clock is from ours, by all of its topics together."""
+
+    def __init__(self, *, same_clock: bool = False) -> None:
+        """With ``same_clock``, as in simulated time, the two are one and there is no guess."""
+        self._same_clock = same_clock
+        self._heard = -math.inf
+        self._offset = 0.0 if same_clock else math.inf
+
+    @property
+    def offset(self) -> float:
+        """Our time less the robot's [s]; infinite before the first message."""
+        return self._offset
+
+    def meet(self, delay: float, now: float) -> None:
+        """Note that a message came ``delay`` [s], by both clocks, after its stamp at ``now``."""
+        if self._same_clock:
+            return
+        drift = CLOCK_DRIFT * max(0.0, now - self._heard)
+        self._offset = min(self._offset + drift, delay)
+        self._heard = now
+
+    def forget(self) -> None:
+        """Begin anew with the next message."""
+        if not self._same_clock:
+            self._offset = math.inf
+
+
 class Stream:
     """The messages of one topic."""
 
-    def __init__(self, jump_s: float = 1.0, *, same_clock: bool = False) -> None:
-        """Take stamps that are off by more than ``jump_s`` [s] for a jump of the clock.
+    def __init__(self, clock: RobotClock | None = None, *, jump_s: float = 1.0) -> None:
+        """Measure ages by ``clock``, which the topics of one robot share.
 
-        With ``same_clock``, as in simulated time, stamps and arrivals are of one clock: a stamp's
-        age needs no guess.
+        Stamps that are off by more than ``jump_s`` [s] are a jump of it.
         """
+        self._clock = clock or RobotClock()
         self._jump_s = jump_s
-        self._same_clock = same_clock
         self._stamp = -math.inf
-        self._arrived = -math.inf
-        self._offset = 0.0
 
     @property
     def begun(self) -> bool:
@@ -49,35 +75,22 @@ class Stream:
         """Take in a message stamped ``stamp`` that arrived at ``now`` [s]."""
         if not math.isfinite(stamp + now):
             return Arrival.OLD
-        if not self.begun:
-            self._begin(stamp, now)
-            return Arrival.NEW
-        delay = now - stamp
-        ahead_of_time = delay < self._offset - self._jump_s
+        delay, known = now - stamp, math.isfinite(self._clock.offset)
+        ahead_of_time = known and delay < self._clock.offset - self._jump_s
         if ahead_of_time or stamp < self._stamp - self._jump_s:
-            self._begin(stamp, now)
+            self._clock.forget()
+            self._stamp = stamp
+            self._clock.meet(delay, now)
             return Arrival.JUMP
         if stamp <= self._stamp:
             return Arrival.OLD
-        drift = CLOCK_DRIFT * max(0.0, now - self._arrived)
-        if not self._same_clock:
-            self._offset = min(self._offset + drift, delay)
-        self._stamp, self._arrived = stamp, now
+        self._stamp = stamp
+        self._clock.meet(delay, now)
         return Arrival.NEW
-
-    def _begin(self, stamp: float, now: float) -> None:
-        self._stamp, self._arrived = stamp, now
-        self._offset = 0.0 if self._same_clock else now - stamp
 
     def age(self, now: float) -> float:
         """Return how old the newest message is at ``now`` [s]; infinite if there was none."""
-        if not self.begun:
-            return math.inf
-        return now - self._stamp - self._offset
-
-    def stamp_at(self, now: float) -> float:
-        """Return the time by the robot's clock at ``now`` [s]."""
-        return now - self._offset
+        return now - self._stamp - self._clock.offset if self.begun else math.inf
 
     def forget(self) -> None:
         """Begin anew with the next message."""

@@ -11,6 +11,7 @@ import numpy as np
 from pm01_nav.deploy.base_fit import BaseFit, Estimate, fit_base
 from pm01_nav.deploy.lidar_fit import at_rest, fit_noise, fit_travel
 from pm01_nav.deploy.recording import Recording
+from pm01_nav.deploy.scan_check import by_rep_117
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.perturbation import MAX_COMMAND_DELAY
@@ -51,8 +52,9 @@ def identify(recording: Recording, robot: RobotSpec) -> Identification:
         known = estimates[name]
         if not (known.low > 0.0 and known.high / known.low < LIKELY_ACCELERATION):
             del estimates[name]
-    estimates |= fit_noise(at_rest(recording.scans, odometry))
-    estimates |= fit_travel(recording.scans, odometry, mount)
+    scans = [by_rep_117(scan, lidar.zero_means) for scan in recording.scans]
+    estimates |= fit_noise(at_rest(scans, odometry))
+    estimates |= fit_travel(scans, odometry, mount)
     return Identification(base, estimates)
 
 

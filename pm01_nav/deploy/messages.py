@@ -32,9 +32,9 @@ class Scan:
     range_max: float
     """[m]"""
     ranges: NDArray[np.float32]
-    """By REP-117 [m], shape (num_beams,)."""
+    """As the driver sends them [m], shape (num_beams,)."""
     frame_id: str = ""
-    """The frame that directions are in."""
+    """The lidar's frame; empty if unknown."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,8 @@ class Odometry:
     """x, y, yaw in the odometry frame [m, m, rad], shape (3,)."""
     twist: NDArray[np.float64]
     """v and w in base_link [m/s, rad/s], shape (2,)."""
+    frame_id: str = ""
+    """In which the pose is; empty if unknown."""
 
 
 def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
@@ -74,7 +76,7 @@ def scan_from_ros(message: Any) -> Scan:
         range_min=float(message.range_min),
         range_max=float(message.range_max),
         ranges=np.asarray(message.ranges, dtype=np.float32),
-        frame_id=str(message.header.frame_id),
+        frame_id=str(getattr(message.header, "frame_id", "")),
     )
 
 
@@ -87,6 +89,7 @@ def odometry_from_ros(message: Any) -> Odometry:
         stamp=seconds(message.header.stamp),
         pose=np.array([place.x, place.y, yaw], dtype=np.float64),
         twist=np.array([twist.linear.x, twist.angular.z], dtype=np.float64),
+        frame_id=str(getattr(message.header, "frame_id", "")),
     )
 
 
@@ -102,13 +105,16 @@ def seconds(stamp: Any) -> float:
 def from_json(value: Any) -> Any:
     """Return rosbridge's JSON with fields instead of keys.
 
-    JSON has no number for what is not finite, and rosbridge writes null. In a list, as in a scan's
-    ranges, that is no return, as most lidars' drivers mean it; alone it is NaN.
+    JSON has no number for what is not finite, and rosbridge writes null. Alone that is NaN. Among
+    a scan's ranges it is no return, as most lidars' drivers mean it; but a list of nothing but
+    null may as well be a lidar that is blind, and is NaN.
     """
     if value is None:
         return math.nan
     if isinstance(value, Mapping):
         return SimpleNamespace(**{str(key): from_json(item) for key, item in value.items()})
     if isinstance(value, list):
-        return [math.inf if item is None else from_json(item) for item in value]
+        blind = all(item is None for item in value)
+        none = math.nan if blind else math.inf
+        return [none if item is None else from_json(item) for item in value]
     return value

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.deploy.messages import Scan
 from pm01_nav.geometry import after_twist, to_frame, to_world, wrap_angle
+from pm01_nav.readings import is_valid
 
 if TYPE_CHECKING:
     from pm01_nav.robot import Footprint
@@ -22,8 +23,14 @@ MAX_LOOKS = 64
 """... unless there were more looks than this: a fast robot takes longer steps, and more room."""
 NEARER = 1e-5
 """A point that already is too close may come so much closer unnoticed [m]."""
+TOO_CLOSE = 0.05
+"""What is too close lies no nearer than this: on the lidar itself it would lie in no direction."""
 CONE = math.pi / 4 + 1e-6
 """What lies that way is what lies within this angle of it [rad]."""
+BLIND_GAP = math.radians(10.0) + 1e-6
+"""So wide a gap between the beams that tell something hides a leg half a metre away [rad]."""
+BLIND_STEPS = 2.5
+"""A gap is wider than so many steps between beams: one beam that is lost makes two."""
 
 
 class Outline:
@@ -58,14 +65,15 @@ def returns_as_points(scan: Scan, mount: FloatArray) -> FloatArray:
     """Return where a raw scan met something, in base_link, shape (n, 2) [m].
 
     ``mount`` (3,) is the lidar's pose in base_link [m, m, rad]. What is too close (-inf) lies at
-    range_min; what is invalid (NaN, out of range) says nothing.
+    range_min, or ``TOO_CLOSE`` if that is less; what is invalid (NaN, out of range) says nothing.
     """
     ranges = np.asarray(scan.ranges, dtype=np.float32)
     # In float32, as the driver wrote it: its range_min must not fall below our float64 one.
     met = (ranges >= np.float32(scan.range_min)) & (ranges <= np.float32(scan.range_max))
     too_close = ranges == -np.inf
     shown = np.flatnonzero(met | too_close)
-    distance = np.where(too_close[shown], scan.range_min, ranges[shown]).astype(np.float64)
+    nearest = max(scan.range_min, TOO_CLOSE)
+    distance = np.where(too_close[shown], nearest, ranges[shown]).astype(np.float64)
     angle = scan.angle_min + scan.angle_increment * shown
     points = np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=-1)
     return to_world(points, mount)
@@ -74,17 +82,33 @@ def returns_as_points(scan: Scan, mount: FloatArray) -> FloatArray:
 def seen_share(scan: Scan, mount_yaw: float) -> tuple[float, float]:
     """Return how much of what lies ahead, and of what lies behind, a scan tells anything of.
 
-    It is the number of beams within ``CONE`` that are not NaN, as a share of those that a lidar
-    which looks there would have.
+    It is the number of valid beams within ``CONE``, as a share of those that a lidar which looks
+    there would have; and 0 where a gap between them is wider than ``BLIND_GAP``.
     """
-    ranges = np.asarray(scan.ranges)
-    angles: FloatArray = (
-        mount_yaw + scan.angle_min + scan.angle_increment * np.arange(len(ranges), dtype=np.float64)
+    ranges = np.asarray(scan.ranges, dtype=np.float32)
+    valid = is_valid(ranges, np.float32(scan.range_min), np.float32(scan.range_max))
+    step = abs(scan.angle_increment)
+    if step == 0.0:
+        return 0.0, 0.0
+    beams = np.arange(len(ranges), dtype=np.float64)
+    angles: FloatArray = mount_yaw + scan.angle_min + scan.angle_increment * beams
+    ahead, behind = (
+        _share_within_cone(wrap_angle(angles + turn), valid, step) for turn in (0.0, math.pi)
     )
-    ahead = np.abs(wrap_angle(angles[~np.isnan(ranges)]))
-    wanted = 2.0 * CONE / abs(scan.angle_increment) if scan.angle_increment else math.inf
-    counts = (np.count_nonzero(ahead <= CONE), np.count_nonzero(ahead >= math.pi - CONE))
-    return counts[0] / wanted, counts[1] / wanted
+    return ahead, behind
+
+
+def _share_within_cone(angles: FloatArray, valid: NDArray[np.bool_], step: float) -> float:
+    """Return how much of what lies around the angle 0 beams ``step`` [rad] apart tell of."""
+    within = np.abs(angles) <= CONE
+    if not (valid & within).any():
+        return 0.0
+    # The widest gap within the cone, or within as much of it as the lidar looks into.
+    edges = angles[within].min(), angles[within].max()
+    told = np.sort(np.clip(np.append(angles[valid], edges), *edges))
+    if np.diff(told).max() > max(BLIND_GAP, BLIND_STEPS * step):
+        return 0.0
+    return float(np.count_nonzero(valid & within)) * step / (2.0 * CONE)
 
 
 def time_to_contact(

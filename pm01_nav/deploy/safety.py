@@ -9,23 +9,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pm01_nav.deploy.freshness import Arrival, Stream
+from pm01_nav.deploy.freshness import Arrival, RobotClock, Stream
 from pm01_nav.deploy.messages import Odometry, Scan
 from pm01_nav.deploy.motion_check import (
     Outline,
     allowed_share,
-    returns_as_points,
-    seen_share,
     time_to_contact,
 )
 from pm01_nav.deploy.odometry_track import OdometryTrack
+from pm01_nav.deploy.safety_config import SafetyConfig
+from pm01_nav.deploy.scan_check import ScanCheck
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame, to_world, wrap_angle
 
@@ -41,6 +40,10 @@ LEAST_SHARE = 0.05
 """Instead of less than this share of a command the robot stands."""
 ODOMETRY_SLACK = np.array([0.3, 0.5])
 """Odometry may move by so much more than the robot can without having jumped [m, rad]."""
+MOVING = np.array([0.02, 0.05])
+"""A robot that is slower than this by odometry may as well stand [m/s, rad/s]."""
+MIXED_S = 1.0
+"""After a scan of another frame the robot stands for so long [s]: two lidars take turns."""
 IMPLAUSIBLE = 3.0
 """Odometry that says the robot is faster than this many times its limits is wrong."""
 WATCHDOG_S = 0.15
@@ -58,6 +61,8 @@ class Reason(Enum):
     NO_SCAN = "no scan yet"
     STALE_SCAN = "the scan is too old"
     INVALID_SCAN = "the scan is unusable"
+    FROZEN_SCAN = "the lidar repeats one scan while the robot moves"
+    MIXED_SCANS = "scans of more than one lidar on one topic"
     NO_ODOMETRY = "no odometry yet"
     STALE_ODOMETRY = "odometry is too old"
     INVALID_ODOMETRY = "odometry is not finite, or faster than the robot can be"
@@ -79,45 +84,6 @@ class Verdict(NamedTuple):
     reasons: tuple[Reason, ...]
     time_to_contact: float
     """On the arc that the policy asked for [s]; infinite within the horizon, NaN if not looked."""
-
-
-@dataclass(frozen=True)
-class SafetyConfig:
-    """When to stop and when to slow down; times in seconds, lengths in metres."""
-
-    scan_timeout_s: float = 0.5
-    """A scan older than this stops the robot: two and a half turns of a lidar at 5 Hz."""
-    odometry_timeout_s: float = 0.3
-    transform_timeout_s: float = 1.0
-    clock_jump_s: float = 1.0
-    """Stamps that go back, or run ahead, by more than this are a jump."""
-    valid_share_min: float = 0.5
-    """A scan with a smaller share of beams that are not NaN is unusable; one with a smaller share
-    of them in the direction of travel lets the robot turn only."""
-    padding: float = 0.02
-    """The outline is larger by this to every side [m]."""
-    reaction_s: float = 0.15
-    """From a command until the base has taken it up: transport and lag, beside a control step."""
-    time_to_collision_s: float = 0.6
-    """In the slow-down zone the robot goes so slowly that contact is at least this far away."""
-    obstacle_speed: float = 0.0
-    """Obstacles may come nearer at this speed [m/s]; 0 takes them for standing."""
-
-    def __post_init__(self) -> None:
-        """Refuse what could not protect.
-
-        Raises:
-            InputError: names the first number that is out of range.
-        """
-        for name, value in asdict(self).items():
-            least = 0.0 if name in ("padding", "obstacle_speed", "valid_share_min") else 1e-3
-            if not least <= value < math.inf:
-                raise InputError(f"safety.{name} = {value}: must be {least:g} or more, and finite")
-
-    @classmethod
-    def names(cls) -> list[str]:
-        """Name the settings in order."""
-        return [f.name for f in fields(cls)]
 
 
 class SafetySupervisor:
@@ -150,21 +116,26 @@ class SafetySupervisor:
             [max(robot.limits.linear_max, -robot.limits.linear_min), robot.limits.angular_max]
         )
         self._outline = Outline(robot.footprint)
-        self._mount = np.array([robot.lidar.x, robot.lidar.y, robot.lidar.yaw])
         self._reaction = config.reaction_s + control_dt + robot.actuator.lag_s
-        self._scans = Stream(config.clock_jump_s, same_clock=same_clock)
-        self._odometries = Stream(config.clock_jump_s, same_clock=same_clock)
-        self._returns: NDArray[np.float64] | None = None
-        self._scan_stamp = 0.0
-        self._seen = (0.0, 0.0)
+        self._clock = RobotClock(same_clock=same_clock)
+        self._scans = Stream(self._clock, jump_s=config.clock_jump_s)
+        self._odometries = Stream(self._clock, jump_s=config.clock_jump_s)
+        self._scan = ScanCheck(robot.lidar, config.valid_share_min, config.frozen_scan_s)
+        self._scan_frame = ""
+        self._mixed_at = -math.inf
+        """When a scan came that is of another frame than the one before it."""
         self._track = OdometryTrack(config.odometry_timeout_s)
         self._odometry_valid = False
+        self._excess = np.zeros(2)
+        """By how much odometry has moved more than the robot can [m, rad]."""
         self._emergency: set[str] = set()
         self._held: set[Reason] = set()
         self._jumped: Reason | None = None
         self._now = -math.inf
         self._commanded_at = -math.inf
         self._command = STOP
+        self._reasons: set[Reason] = set()
+        """Of the last verdict."""
 
     @property
     def emergency(self) -> bool:
@@ -187,21 +158,18 @@ class SafetySupervisor:
             self._jump(Reason.CLOCK_JUMP)
         if arrival is Arrival.OLD:
             return False
-        usable = self._is_usable(scan)
-        self._returns = returns_as_points(scan, self._mount) if usable else None
-        self._seen = seen_share(scan, float(self._mount[2])) if usable else (0.0, 0.0)
-        self._scan_stamp = scan.stamp
-        return usable
+        if scan.frame_id and self._scan_frame and scan.frame_id != self._scan_frame:
+            self._mixed_at = now
+        self._scan_frame = scan.frame_id or self._scan_frame
+        return self._scan.see(scan, moves=self._moved_before(scan.stamp))
 
-    def _is_usable(self, scan: Scan) -> bool:
-        ranges = np.asarray(scan.ranges)
-        numbers = (scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
-        if ranges.ndim != 1 or ranges.size == 0 or not all(map(math.isfinite, numbers)):
+    def _moved_before(self, stamp: float) -> bool:
+        """Tell whether by odometry the robot moved between the newest scan and ``stamp``."""
+        since = stamp - self._scan.stamp
+        if self._track.newest is None or not since > 0.0:
             return False
-        if (np.isfinite(ranges) & (ranges < 0.0)).any():
-            return False
-        valid = np.mean(~np.isnan(ranges))
-        return bool(valid > 0.0 and valid >= self.config.valid_share_min)
+        now, before = self._track.pose_at(stamp), self._track.pose_at(self._scan.stamp)
+        return bool((_way(before, now) > MOVING * since).any())
 
     def see_odometry(self, odometry: Odometry, now: float) -> bool:
         """Take in odometry that arrived at ``now`` [s]; tell whether it is newer than the last."""
@@ -223,7 +191,13 @@ class SafetySupervisor:
         """Return the pose by odometry at ``now``, shape (3,) [m, m, rad]; None if it is unknown."""
         if self._track.newest is None or not self._odometry_valid:
             return None
-        return self._track.pose_at(self._odometries.stamp_at(now))
+        return self._track.pose_at(now - self._clock.offset)
+
+    @property
+    def advice(self) -> str | None:
+        """What a person can do about scans that keep the robot from driving, in one line."""
+        blind = self._reasons & {Reason.INVALID_SCAN, Reason.UNSEEN}
+        return self._scan.advice if blind else None
 
     @property
     def odometry(self) -> Odometry | None:
@@ -254,7 +228,9 @@ class SafetySupervisor:
                 Reason.STALE_SCAN,
                 self._scans.begun and not self._scans.age(now) <= config.scan_timeout_s,
             ),
-            (Reason.INVALID_SCAN, self._scans.begun and self._returns is None),
+            (Reason.INVALID_SCAN, self._scans.begun and self._scan.returns is None),
+            (Reason.FROZEN_SCAN, self._scan.frozen),
+            (Reason.MIXED_SCANS, now - self._mixed_at < MIXED_S),
             (Reason.NO_ODOMETRY, not self._odometries.begun),
             (
                 Reason.STALE_ODOMETRY,
@@ -290,10 +266,10 @@ class SafetySupervisor:
         self._commanded_at = now
         if faults or command is None:
             self._jumped = None
-            self._command = STOP
-            return Verdict(STOP, faults or (Reason.POLICY_FAILED,), math.nan)
-        verdict = self._check_way(self._limited(command, elapsed), now)
-        self._command = verdict.command
+            verdict = Verdict(STOP, faults or (Reason.POLICY_FAILED,), math.nan)
+        else:
+            verdict = self._check_way(self._limited(command, elapsed), now)
+        self._command, self._reasons = verdict.command, set(verdict.reasons)
         return verdict
 
     def _limited(self, command: Command, elapsed: float) -> Command:
@@ -315,9 +291,9 @@ class SafetySupervisor:
         pose, newest = self.pose(now), self._track.newest
         assert pose is not None
         assert newest is not None
-        assert self._returns is not None
+        assert self._scan.returns is not None
         # Returns stay where they are in the odometry frame while the robot moves on.
-        points = to_world(self._returns, self._track.pose_at(self._scan_stamp))
+        points = to_world(self._scan.returns, self._track.pose_at(self._scan.stamp))
         points = to_frame(points, pose)
         v, w = command
         # What the robot does now it goes on doing until it has taken the command up.
@@ -328,7 +304,7 @@ class SafetySupervisor:
         if share < 1.0:
             v, w = _not_faster(v, share * moving[0]), _not_faster(w, share * moving[1])
         share, contact = self._share(points, (v, w), reaction)
-        unseen = v != 0.0 and self._seen[v < 0.0] < self.config.valid_share_min
+        unseen = v != 0.0 and not self._scan.sees(behind=v < 0.0)
         if share >= LEAST_SHARE and not unseen:
             slowed = share < 1.0 or (v, w) != command
             return Verdict((share * v, share * w), (Reason.SLOWED,) if slowed else (), contact)
@@ -366,10 +342,12 @@ class SafetySupervisor:
         return bool((np.abs(odometry.twist) <= fastest).all())
 
     def _moved_too_far(self, before: Odometry, after: Odometry) -> bool:
-        change = after.pose - before.pose
-        moved = np.abs([np.hypot(change[0], change[1]), wrap_angle(change[2])])
+        """Tell whether odometry jumped: at once, to and fro as of two sources, or to a frame."""
         possible = 2.0 * self._fastest * (after.stamp - before.stamp)
-        return bool((moved > possible + ODOMETRY_SLACK).any())
+        moved = _way(before.pose, after.pose)
+        self._excess = np.maximum(self._excess + moved - possible, 0.0)
+        other_frame = before.frame_id and after.frame_id and before.frame_id != after.frame_id
+        return bool(other_frame or (self._excess > ODOMETRY_SLACK).any())
 
     def _follow_clock(self, now: float) -> None:
         """Notice that our own clock went back: all ages are then unknown."""
@@ -380,12 +358,21 @@ class SafetySupervisor:
     def _jump(self, reason: Reason) -> None:
         """Forget what was measured before a jump."""
         self._jumped = reason
-        self._returns = None
+        self._scan.forget()
         self._track.clear()
+        self._excess[:] = 0.0
         if reason is Reason.CLOCK_JUMP:
+            self._clock.forget()
+            self._mixed_at = -math.inf
             self._scans.forget()
             self._odometries.forget()
             self._odometry_valid = False
+
+
+def _way(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far apart two poses are, shape (2,) [m, rad], not negative."""
+    change = after - before
+    return np.abs([np.hypot(change[0], change[1]), wrap_angle(change[2])])
 
 
 def _not_faster(speed: float, limit: float) -> float:

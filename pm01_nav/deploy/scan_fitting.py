@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pm01_nav.deploy.messages import Scan
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_world, wrap_angle
+from pm01_nav.readings import read_zeros
 from pm01_nav.task.observation import (
     ObservationLayout,
     ScanGeometry,
@@ -51,6 +52,7 @@ class ScanFitter:
         if key != self._key:
             self._match(*key)
             self._key = key
+        ranges = read_zeros(ranges, self.geometry.zero_means)
         # A return that the lidar's driver declares invalid must not hide a valid one.
         low, high = np.float32(scan.range_min), np.float32(scan.range_max)
         within = (ranges >= low) & (ranges <= high)

@@ -7,11 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.errors import InputError
+from pm01_nav.readings import is_valid, read_zeros
 from pm01_nav.task.observation import ScanGeometry
 
 
 def check_scan(scan: ArrayLike, expected: ScanGeometry) -> NDArray[np.float32]:
-    """Return raw ranges (..., num_beams) [m] as an array, if they are those of a lidar.
+    """Return ranges (..., num_beams) [m] as an array, if they are those of a lidar.
+
+    A 0 is replaced by what it means; the rest stays raw.
 
     Raises:
         InputError: a length is wrong, a range is negative, or no range of a scan is valid.
@@ -26,8 +29,13 @@ def check_scan(scan: ArrayLike, expected: ScanGeometry) -> NDArray[np.float32]:
     if negative.any():
         at = tuple(int(i) for i in np.argwhere(negative)[0])
         raise InputError(f"scan[{at[-1]}] = {scan[at]:g}: a range must not be negative")
-    if np.isnan(scan).all(axis=-1).any():
-        raise InputError("scan: every range is NaN; at least one must be valid")
+    scan = read_zeros(scan, expected.zero_means)
+    # A policy may look less far than its lidar: what lies beyond is no return to it.
+    if not is_valid(scan, expected.range_min, np.inf).any(axis=-1).all():
+        raise InputError(
+            "scan: every range is NaN, 0 or below range_min; at least one must be valid "
+            "(where the lidar's driver sends 0 for no return, set lidar.zero_means)"
+        )
     return scan
 
 

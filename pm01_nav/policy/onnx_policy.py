@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +50,9 @@ class OnnxPolicy(NetworkPolicy):
         super().__init__(layout, network, control_dt, memory_size)
         if robot is not None:
             self._check_robot(robot)
+            # How its driver says "no return" is the robot's own, not what was learned.
+            scan = replace(layout.scan, zero_means=robot.lidar.zero_means)
+            self.layout = replace(layout, scan=scan)
 
     def _check_robot(self, robot: RobotSpec) -> None:
         lidar, limits, mine = robot.lidar, robot.limits, self.layout

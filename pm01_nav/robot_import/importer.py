@@ -22,7 +22,12 @@ LIMITS: dict[str, float] = {
     "angular_acceleration": 3.0,
 }
 """What a base of this size usually can do, where the file says nothing."""
-LIDAR: dict[str, float | int] = {**full_circle(360), "range_min": 0.12, "range_max": 3.5}
+LIDAR: dict[str, float | int | str] = {
+    **full_circle(360),
+    "range_min": 0.12,
+    "range_max": 3.5,
+    "zero_means": "invalid",
+}
 """A lidar of the LDS-01 class, where the file says nothing."""
 DEFAULT = "default: not in the URDF; check it"
 DISAGREEMENT = 0.01
@@ -129,7 +134,7 @@ def _limits(drive: Drive, axle: Axle) -> tuple[dict[str, float], dict[str, str]]
     return limits, notes
 
 
-def _lidar(urdf: Urdf, axle: Axle) -> tuple[dict[str, float | int], dict[str, str], list[str]]:
+def _lidar(urdf: Urdf, axle: Axle) -> tuple[dict[str, Any], dict[str, str], list[str]]:
     found, source, warnings = find_lidar(urdf)
     figures: dict[str, Any] = {**LIDAR, "x": 0.0, "y": 0.0, "yaw": 0.0, "noise_std": 0.0, **found}
     # Beams and their directions belong together.
@@ -141,7 +146,7 @@ def _lidar(urdf: Urdf, axle: Axle) -> tuple[dict[str, float | int], dict[str, st
         figures["y"] -= axle.y
     else:
         warnings = [*warnings, "no lidar found: its place and figures are defaults"]
-    rounded = {k: v if isinstance(v, int) else _round(v) for k, v in figures.items()}
+    rounded = {k: _round(v) if isinstance(v, float) else v for k, v in figures.items()}
     return rounded, notes, warnings
 
 

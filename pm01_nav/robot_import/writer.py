@@ -42,6 +42,7 @@ lidar:                          # as in sensor_msgs/LaserScan: `ros2 topic echo 
   angle_max: 2.35619            # [rad] last beam; a full circle does not repeat beam 0
   range_min: 0.05               # [m]
   range_max: 10.0               # [m]
+  zero_means: invalid           # what a range of 0 is: no_return (LDS class), too_close or invalid
   x: 0.2                        # [m] its place in base_link
   y: 0.0
   yaw: 0.0                      # [rad] its direction in base_link

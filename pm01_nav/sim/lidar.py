@@ -300,11 +300,12 @@ def reading(value, shortest, longest):
 def sanitized(value, shortest, longest):
     """Return what a raw range is worth; ``task.observation.discard_invalid`` is the same.
 
-    All values are float32 [m].
+    All values are float32 [m]. A 0 says nothing, even where the least range is 0.
     """
     # Beyond the greatest range, or NaN, which no comparison holds for.
     value = value if value <= longest else np.float32(np.inf)
-    return np.float32(np.inf) if (value < shortest) & (value > -np.inf) else value
+    doubtful = (value < shortest) | (value == np.float32(0.0))
+    return np.float32(np.inf) if doubtful & (value > -np.inf) else value
 
 
 @compiled

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from pm01_nav.arrays import array_namespace
 from pm01_nav.errors import InputError
+from pm01_nav.readings import ZERO_MEANS, ZeroMeans, read_zeros
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.trail import TrailLayout
@@ -51,6 +52,18 @@ class ScanGeometry:
     """[m]"""
     range_max: float
     """[m]"""
+    zero_means: ZeroMeans = field(default="invalid", compare=False)
+    """What a 0 of the lidar's driver stands for. No part of what a policy was trained to see."""
+
+    def __post_init__(self) -> None:
+        """Refuse a meaning that there is not.
+
+        Raises:
+            InputError: ``zero_means`` is unknown.
+        """
+        if self.zero_means not in ZERO_MEANS:
+            allowed = ", ".join(ZERO_MEANS)
+            raise InputError(f"zero_means = {self.zero_means!r}: unknown; allowed: {allowed}")
 
 
 def scan_geometry(lidar: Lidar, range_max: float | None = None) -> ScanGeometry:
@@ -61,6 +74,7 @@ def scan_geometry(lidar: Lidar, range_max: float | None = None) -> ScanGeometry:
         angle_increment=lidar.angle_increment,
         range_min=lidar.range_min,
         range_max=lidar.range_max if range_max is None else range_max,
+        zero_means=lidar.zero_means,
     )
 
 
@@ -180,6 +194,8 @@ def discard_invalid(scan: Any, geometry: ScanGeometry) -> Any:
     THE SANITISER: every scan passes it before anything else looks at it, the simulator's (where it
     is the kernel ``sim.lidar.sanitized``) as well as a robot's.
 
+    A 0 is first read as ``geometry.zero_means`` says, whatever the limits.
+
     | raw range (REP-117 and ``sensor_msgs/LaserScan``) | means          | becomes |
     |---------------------------------------------------|----------------|---------|
     | +inf                                              | no return      | +inf    |
@@ -192,6 +208,7 @@ def discard_invalid(scan: Any, geometry: ScanGeometry) -> Any:
     Limits are compared in the precision of ``scan``: a driver's float32 range_min is valid.
     """
     xp = array_namespace(scan)
+    scan = read_zeros(scan, geometry.zero_means)
     within = (scan >= geometry.range_min) & (scan <= geometry.range_max)
     return xp.where(within | (scan == -xp.inf), scan, xp.inf)
 

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from pm01_nav.cli.drive import _Printer
 from pm01_nav.deploy.controller import Controller
 from pm01_nav.deploy.driver import Driver
 from pm01_nav.deploy.goals import Goal
@@ -32,6 +33,7 @@ class Robot:
         self.commands: list[tuple[float, float]] = []
         self.inbox = None
         self.x = 0.0
+        self.range = float("inf")
         self.link_age = 0.0
         self.ended = threading.Event()
 
@@ -56,7 +58,7 @@ class Robot:
             angle_increment=0.01745329,
             range_min=0.12,
             range_max=3.5,
-            ranges=[float("inf")] * 360,
+            ranges=[self.range] * 360,
         )
         self.inbox.put("scan", scan)
 
@@ -261,3 +263,18 @@ def test_a_goal_from_the_topic_has_a_heading(drive, link):
 
     drive(None, listen)
     assert turned[0][0] == 0.0
+
+
+def test_a_lidar_that_sends_zeros_keeps_the_robot_where_it_is_and_is_named(drive, link, capsys):
+    link.range = 0.0
+    printers = []
+
+    def listen(driver, status):
+        printers.append(_Printer(driver)) if not printers else None
+        printers[0](status)
+        if driver.steps == 20:
+            driver.end()
+
+    drive(iter([Goal(5.0, 0.0)]), listen)
+    assert link.x == 0.0
+    assert "unusable; the scan is mostly zeros: set lidar.zero_means" in capsys.readouterr().out

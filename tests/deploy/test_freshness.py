@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from pm01_nav.deploy.freshness import Arrival, Stream
+from pm01_nav.deploy.freshness import Arrival, RobotClock, Stream
 
 
 def test_age_counts_from_the_quickest_message():
@@ -53,10 +53,36 @@ def test_a_clock_that_drifts_by_100_ppm_for_an_hour_makes_nothing_stale():
 
 
 def test_by_one_clock_a_message_is_as_old_as_its_stamp():
-    stream = Stream(same_clock=True)
+    stream = Stream(RobotClock(same_clock=True))
     assert stream.accept(10.0, 10.2) is Arrival.NEW
     assert stream.age(10.3) == pytest.approx(0.3)
     # A stamp of the near future is one that came before the clock's own message.
     assert stream.accept(10.4, 10.35) is Arrival.NEW
     assert stream.age(10.4) == pytest.approx(0.0)
     assert stream.accept(12.0, 10.5) is Arrival.JUMP
+
+
+def test_topics_of_one_clock_share_what_is_known_of_it():
+    clock = RobotClock()
+    scans, odometries = Stream(clock), Stream(clock)
+    # The robot's clock is 100 s ahead. Odometry takes 0.01 s, a scan always 0.81 s.
+    scans.accept(100.0, 0.81)
+    assert scans.age(0.81) == pytest.approx(0.0)
+    for step in range(50):
+        now = 0.82 + 0.1 * step
+        odometries.accept(100.0 + now - 0.01, now)
+        scans.accept(100.0 + now - 0.81, now)
+        assert scans.age(now) == pytest.approx(0.80, abs=0.001)
+        assert odometries.age(now) == pytest.approx(0.0, abs=0.001)
+
+
+def test_after_a_jump_the_clock_is_measured_anew():
+    clock = RobotClock()
+    scans, odometries = Stream(clock), Stream(clock)
+    odometries.accept(100.0, 0.0)
+    scans.accept(100.0, 0.1)
+    # It is set back by five seconds: whichever topic notices first tells how far it is now.
+    assert odometries.accept(95.1, 0.1) is Arrival.JUMP
+    assert odometries.age(0.1) == pytest.approx(0.0)
+    assert scans.accept(95.1, 0.2) is Arrival.JUMP
+    assert scans.age(0.2) == pytest.approx(0.0)

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from pm01_nav.deploy.base_fit import fit_base
+from pm01_nav.deploy.identification import identify
 from pm01_nav.deploy.lidar_fit import at_rest, fit_noise
 from pm01_nav.deploy.messages import Scan, from_json, odometry_from_ros
+from pm01_nav.deploy.recording import Recording
 from pm01_nav.deploy.scan_matching import match
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame
@@ -118,18 +120,35 @@ def test_limits_that_were_never_reached_are_not_known(robot):
     assert not (found.low > 0.0 and found.high / found.low < 3.0)
 
 
-def test_noise_and_dropout_of_a_lidar_at_rest():
+def scans_at_rest(lost: float) -> list[Scan]:
+    """Return scans with errors N(0, 0.01^2 + (0.02 r)^2), 5 % of their returns ``lost``."""
     rng = np.random.default_rng(1)
-    exact = np.linspace(0.3, 4.0, 360)
-
-    def scan(k: int) -> Scan:
-        # N(0, 0.01^2 + (0.02 r)^2), and 5 % of the returns lost.
+    exact, scans = np.linspace(0.3, 4.0, 360), []
+    for k in range(120):
         ranges = exact + rng.normal(0.0, np.hypot(0.01, 0.02 * exact))
-        ranges[rng.random(360) < 0.05] = np.inf
-        return Scan(0.1 * k, -np.pi, np.pi / 180, 0.1, 6.0, ranges.astype(np.float32))
+        ranges[rng.random(360) < 0.05] = lost
+        values = ranges.astype(np.float32)
+        scans.append(Scan(0.1 * k, -np.pi, np.pi / 180, 0.1, 6.0, values))
+    return scans
 
-    scans = [scan(k) for k in range(120)]
-    found = fit_noise(list(zip(scans, scans[1:], scans[2:], strict=False)))
+
+@pytest.mark.parametrize("zero_means", [None, "no_return"])
+def test_noise_and_dropout_of_a_lidar_at_rest(robot, zero_means):
+    scans = scans_at_rest(np.inf if zero_means is None else 0.0)
+    if zero_means is None:
+        found = fit_noise(list(zip(scans, scans[1:], scans[2:], strict=False)))
+    else:
+        # The whole way: a drive of 8 s, and 12 s at rest with scans. A 0 is no return.
+        commands = [(0.1 * k - 8.0, 0.1 if 0 < k < 60 else 0.0, 0.0) for k in range(200)]
+        shifted = [(t + 8.0, v, w) for t, v, w in commands]
+        limits = {"acceleration": np.array([0.8, 4.0]), "gain": np.eye(2)}
+        base = answer(shifted, 0.02, delay=0.1, lag=0.1, **limits)
+        x = np.cumsum(base[:, 1]) * 0.02
+        odometry = np.zeros((len(base), 6))
+        odometry[:, 0], odometry[:, 1:3], odometry[:, 3] = base[:, 0] - 8.0, base[:, 1:3], x
+        lidar = robot.lidar.model_copy(update={"zero_means": zero_means})
+        told = robot.model_copy(update={"lidar": lidar})
+        found = identify(Recording(np.array(commands), odometry, scans), told).estimates
     assert found["lidar_noise_std"].value == pytest.approx(0.01, rel=0.15)
     assert found["lidar_noise_share"].value == pytest.approx(0.02, rel=0.05)
     assert found["lidar_dropout"].low <= 0.05 <= found["lidar_dropout"].high

@@ -77,6 +77,29 @@ def test_a_stale_scan_stops_and_a_fresh_one_lets_go_on(fresh, make_scan, make_od
     assert fresh.supervise((0.04, 0.0), 10.55).command == (0.04, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("scans_late", "odometry_late", "reasons"),
+    [
+        (0.8, 0.0, (Reason.STALE_SCAN,)),
+        (0.3, 0.0, ()),
+        (0.0, 0.5, (Reason.STALE_ODOMETRY,)),
+        # What both have in common cannot be seen: the robot's clock may be behind as well.
+        (0.8, 0.8, ()),
+    ],
+)
+def test_a_constant_delay_shows_beside_the_other_topic(
+    supervisor, make_scan, make_odometry, scans_late, odometry_late, reasons
+):
+    # The robot's clock is 1000 s ahead of ours, and both topics come ten times a second.
+    for step in range(30):
+        now = 10.0 + 0.1 * step
+        supervisor.see_scan(make_scan(1000.0 + now - scans_late), now)
+        supervisor.see_odometry(make_odometry(1000.0 + now - odometry_late), now)
+        verdict = supervisor.supervise((0.1, 0.0), now)
+    assert verdict.reasons == reasons
+    assert (verdict.command == (0.0, 0.0)) == bool(reasons)
+
+
 def test_a_repeated_scan_grows_stale(fresh, make_scan, make_odometry):
     for step in range(1, 7):
         now = 10.0 + 0.1 * step

@@ -7,6 +7,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -169,9 +170,40 @@ def test_scan_by_rep_117_is_accepted(static: Exported, scan) -> None:
     policy = OnnxPolicy(static.path)
     scan[:4] = NAN, INF, -INF, 0.0
     assert np.isfinite(policy.act(scan, (1.0, 0.0), ZERO)).all()
-    for whole in (INF, -INF, 0.0, 99.0):
+    for whole in (INF, -INF, 99.0):
         policy.reset()
         assert np.isfinite(policy.act(np.full(360, whole), (1.0, 0.0), ZERO)).all()
+
+
+def test_a_zero_is_what_the_robots_lidar_means_by_it(static: Exported, scan) -> None:
+    def answer(value: float, zero_means: str) -> list[float]:
+        policy = OnnxPolicy(static.path, other_robot(lidar={"zero_means": zero_means}))
+        ranges = scan.copy()
+        ranges[100:140] = value
+        return policy.act(ranges, (1.0, 0.0), ZERO).tolist()
+
+    assert answer(0.0, "no_return") == answer(0.0, "invalid") == answer(INF, "invalid")
+    assert answer(0.0, "too_close") == answer(-INF, "invalid") != answer(INF, "invalid")
+    # A lidar that says so by zeros may see nothing at all.
+    policy = OnnxPolicy(static.path, other_robot(lidar={"zero_means": "no_return"}))
+    free = OnnxPolicy(static.path).act(np.full(360, INF), (1.0, 0.0), ZERO)
+    assert policy.act(np.zeros(360), (1.0, 0.0), ZERO).tolist() == free.tolist()
+
+
+def test_the_file_knows_what_a_zero_means(static: Exported, tmp_path: Path) -> None:
+    scan = replace(static.layout.scan, zero_means="too_close")
+    metadata = OnnxPolicy(static.path).metadata
+    metadata["observation"] = replace(static.layout, scan=scan).to_dict()
+    path = rewrite(static, tmp_path / "other.onnx", metadata)
+    assert OnnxPolicy(path).layout.scan.zero_means == "too_close"
+    # Files of before say nothing of it.
+    del metadata["observation"]["scan"]["zero_means"]
+    rewrite(static, path, metadata)
+    assert OnnxPolicy(path).layout.scan.zero_means == "invalid"
+    metadata["observation"]["scan"]["zero_means"] = "free"
+    rewrite(static, path, metadata)
+    with pytest.raises(InputError, match="zero_means = 'free': unknown; allowed: no_return"):
+        OnnxPolicy(path)
 
 
 def test_nan_and_discarded_ranges_read_like_no_return(static: Exported, scan) -> None:
@@ -193,6 +225,8 @@ def test_nan_and_discarded_ranges_read_like_no_return(static: Exported, scan) ->
         (np.ones(0), "needs 360 ranges"),
         (np.float32(1.0), "needs 360 ranges"),
         (np.full(360, NAN), "every range is NaN"),
+        (np.zeros(360), r"every range is NaN, 0 or [^\n]* set lidar.zero_means"),
+        (np.full(360, 0.05), "every range is NaN, 0 or below range_min"),
         (np.concatenate([np.ones(5), [-0.5], np.ones(354)]), r"scan\[5\] = -0.5"),
     ],
 )

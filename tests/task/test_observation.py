@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -118,6 +118,7 @@ def test_invalid_ranges_say_nothing() -> None:
     assert scan[1] == np.float32(0.05)  # The argument is left as it was.
 
 
+@settings(deadline=None)  # The first call may compile the kernel.
 @given(
     scan=arrays(np.float32, 6, elements=st.floats(width=32)),
     limits=st.tuples(st.floats(0.0, 2.0, width=32), st.floats(2.5, 50.0, width=32)),
