@@ -3,13 +3,14 @@
 
 Whoever owns a ``Controller`` (a ROS node, the DDS or rosbridge driver, a test) hands over messages
 as they come and calls ``step`` every ``control_dt``. It has no thread of its own, and no clock but
-the one that times the policy.
+the one by which it times the policy.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -27,7 +28,7 @@ from pm01_nav.deploy.safety import (
 from pm01_nav.deploy.scan_fitting import ScanFitter, sector_lines
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame
-from pm01_nav.policy.protocol import Policy
+from pm01_nav.policy.protocol import Policy, is_timed
 from pm01_nav.task.observation import ScanGeometry
 
 if TYPE_CHECKING:
@@ -37,6 +38,9 @@ ENDS_THE_GOAL = frozenset((Reason.EMERGENCY_STOP, Reason.CLOCK_JUMP, Reason.ODOM
 """After these the robot does not start again by itself..."""
 GIVE_UP_S = 10.0
 """... nor when anything else made it stand for so long: nobody expects it to move any more [s]."""
+LONGEST_STEP_S = 0.1
+"""Commands come at least so often, whatever the policy's own time step: watchdogs, in bases too,
+wait for a few of these, and obstacles do not wait for a slow policy [s]."""
 
 
 class Status(NamedTuple):
@@ -84,14 +88,22 @@ class Controller:
     ) -> None:
         """Let ``policy``, which sees scans of ``geometry``, drive ``robot``.
 
-        ``control_dt`` [s] is the time between two calls of ``step``; a goal is reached within
+        ``control_dt`` [s] is the time between two answers of the policy; a goal is reached within
         ``goal_radius`` [m]. ``same_clock`` is as for ``SafetySupervisor``.
         """
         self.policy = policy
         self.robot = robot
-        self.control_dt = control_dt
+        self.control_dt = control_dt / max(1, math.ceil(control_dt / LONGEST_STEP_S - 1e-9))
+        """Time between two calls of ``step`` [s]; in between, a slow policy's answer is kept."""
         self.goal_radius = goal_radius
-        self.supervisor = SafetySupervisor(robot, control_dt, safety, same_clock=same_clock)
+        self.supervisor = SafetySupervisor(robot, self.control_dt, safety, same_clock=same_clock)
+        self.clock: Callable[[], float] = time.monotonic
+        """What the policy is timed by [s]; in simulated time give it the simulation's: there the
+        wall's seconds are not the robot's, be it that they race or that they wait."""
+        self._policy_dt = control_dt
+        self._asked_at = -math.inf
+        """When the policy gave the answer that is kept [s]; not finite if there is none."""
+        self._answer: NDArray[np.float64] | None = None
         self.goal: Goal | None = None
         self._fitter = ScanFitter(geometry)
         self._scan: Scan | None = None
@@ -130,6 +142,7 @@ class Controller:
         """
         if not self.supervisor.emergency:
             self.goal = goal
+            self._asked_at = -math.inf
             self.policy.reset()
 
     def move_goal(self, goal: Goal) -> None:
@@ -168,7 +181,9 @@ class Controller:
             self.goal = None
         proposed: NDArray[np.float64] | Command | None = None
         if not faults and not arrived and in_base is not None:
-            proposed = self._ask(in_base)
+            proposed = self._propose(in_base, now)
+        else:
+            self._asked_at = -math.inf
         verdict = supervisor.supervise(proposed, now, goal=self.goal is not None, **ages)
         ends = now - self._sound > GIVE_UP_S or not ENDS_THE_GOAL.isdisjoint(verdict.reasons)
         dropped = self.goal is not None and ends
@@ -181,19 +196,34 @@ class Controller:
         pose = self.supervisor.pose(now)
         return None if pose is None else to_frame(np.array([goal.x, goal.y]), pose)
 
-    def _ask(self, goal: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    def _propose(self, goal: NDArray[np.float64], now: float) -> NDArray[np.float64] | None:
+        """Return what the policy would do, or what it said last until its next step is due."""
+        due = self._policy_dt - 0.5 * self.control_dt
+        slow = self._policy_dt > self.control_dt
+        if slow and self._answer is not None and 0.0 <= now - self._asked_at < due:
+            return self._answer
+        self._asked_at = now
+        self._answer = self._ask(goal, now)
+        return self._answer
+
+    def _ask(self, goal: NDArray[np.float64], now: float) -> NDArray[np.float64] | None:
         """Return what the policy would do; None if it fails, whatever it fails of."""
-        odometry, scan = self.supervisor.odometry, self._scan
+        odometry, scan, policy = self.supervisor.odometry, self._scan, self.policy
         assert odometry is not None
         assert scan is not None
         self.failure = None
-        began = time.perf_counter()
+        began = self.clock()
         try:
-            command = self.policy.act(self._fitter.fit(scan), goal, odometry.twist)
+            sees = (self._fitter.fit(scan), goal, odometry.twist)
+            if is_timed(policy):
+                applied, pose = self.supervisor.commanded(now), self.supervisor.pose(now)
+                command = policy.act(*sees, now=now, applied=applied, pose=pose)
+            else:
+                command = policy.act(*sees)
         except Exception as error:  # A policy is a stranger's file: no failure may stop the loop.
             self.failure = " ".join(str(error).split())[:200] or type(error).__name__
             return None
-        seconds = time.perf_counter() - began
+        seconds = self.clock() - began
         if seconds > self.control_dt:
             # What it saw is over, and so is the time for which the supervisor would judge.
             self.failure = f"took {seconds:.2f} s, longer than a control step"

@@ -37,7 +37,17 @@ def finite_pair(value: ArrayLike, name: str) -> NDArray[np.float64]:
     Raises:
         InputError: there are not two, or one is not finite; it names the argument.
     """
-    pair = np.asarray(value, dtype=np.float64)
-    if pair.ndim == 0 or pair.shape[-1] != 2 or not np.isfinite(pair).all():
-        raise InputError(f"{name} = {value!r}: must be two finite numbers")
-    return pair
+    return finite_numbers(value, name, 2)
+
+
+def finite_numbers(value: ArrayLike, name: str, count: int) -> NDArray[np.float64]:
+    """Return ``count`` numbers, two or three, (..., count) as an array.
+
+    Raises:
+        InputError: there are not so many, or one is not finite; it names the argument.
+    """
+    numbers = np.asarray(value, dtype=np.float64)
+    if numbers.ndim == 0 or numbers.shape[-1] != count or not np.isfinite(numbers).all():
+        words = {2: "two", 3: "three"}
+        raise InputError(f"{name} = {value!r}: must be {words[count]} finite numbers")
+    return numbers
