@@ -40,6 +40,18 @@ def to_world(points: NDArray[np.floating], pose: NDArray[np.floating]) -> Array:
     return np.stack([x, y], axis=-1)
 
 
+def relative_pose(pose: Array, origin: Array) -> Array:
+    """Return ``pose`` (..., 3) [m, m, rad] as seen from the pose ``origin`` (..., 3)."""
+    place = to_frame(pose[..., :2], origin)
+    return np.concatenate([place, wrap_angle(pose[..., 2:] - origin[..., 2:])], axis=-1)
+
+
+def compose_poses(origin: Array, relative: Array) -> Array:
+    """Return where ``relative`` (..., 3), seen from ``origin`` (..., 3), is [m, m, rad]."""
+    place = to_world(relative[..., :2], origin)
+    return np.concatenate([place, origin[..., 2:] + relative[..., 2:]], axis=-1)
+
+
 def after_twist(pose: Array, twist: Array, dt: float | Array) -> Array:
     """Return poses (..., 3) [m, m, rad] after ``dt`` [s] on an arc of constant twist.
 

@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from pm01_nav.config import FrozenModel, validate
+from pm01_nav.config import FrozenModel, merge, validate
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import is_convex_counter_clockwise
@@ -189,3 +190,15 @@ def load_robot(name_or_path: str | Path) -> RobotSpec:
         return validate(RobotSpec, load_yaml(text), text)
     names = ", ".join(robot_names())
     raise InputError(f"robot = {text!r}: unknown; allowed: {names}, or the path of a .yaml file")
+
+
+def changed_robot(robot: RobotSpec, changes: Mapping[str, Any]) -> RobotSpec:
+    """Return ``robot`` with ``changes`` laid over, such as ``{"limits": {"linear_min": -0.5}}``.
+
+    Raises:
+        InputError: the changes make it impossible.
+    """
+    if not changes:
+        return robot
+    changed = merge(robot.model_dump(), changes)
+    return validate(RobotSpec, changed, f"robot {robot.name} with robot_changes")

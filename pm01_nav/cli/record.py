@@ -44,8 +44,7 @@ def command(
     if policy == "excite" and robot is None:
         robot = "pm01"
     controller = load_controller(policy, robot, same_clock=True)
-    name = robot or controller.robot.name
-    sim = simulated_robot(world, name, seed=seed, dt=0.02, randomization=randomization)
+    sim = simulated_robot(world, controller.robot, seed=seed, dt=0.02, randomization=randomization)
     recorder = Recorder(output)
     try:
         arrived = drive_simulated(controller, sim, seconds, recorder)

@@ -3,7 +3,7 @@
 
 Whoever owns a ``Controller`` (a ROS node, the DDS or rosbridge driver, a test) hands over messages
 as they come and calls ``step`` every ``control_dt``. It has no thread of its own, and no clock but
-the one that times the policy.
+the one by which it times the policy.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -31,7 +31,7 @@ from pm01_nav.deploy.safety import (
 from pm01_nav.deploy.scan_fitting import ScanFitter, sector_lines
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame, wrap_angle
-from pm01_nav.policy.protocol import Policy
+from pm01_nav.policy.protocol import Policy, is_timed
 from pm01_nav.task.observation import ScanGeometry
 
 if TYPE_CHECKING:
@@ -43,6 +43,9 @@ PATIENCE_S = 10.0
 """... nor when anything else made it stand for so long: nobody expects it to move any more [s]."""
 YAW_TOLERANCE = 0.25
 """How far off the heading at a goal may be, as Nav2's goal checker has it [rad]."""
+LONGEST_STEP_S = 0.1
+"""Commands come at least so often, whatever the policy's own time step: watchdogs, in bases too,
+wait for a few of these, and obstacles do not wait for a slow policy [s]."""
 
 
 class Status(NamedTuple):
@@ -75,7 +78,7 @@ class Controller:
     ) -> None:
         """Let ``policy``, which sees scans of ``geometry``, drive ``robot``.
 
-        ``control_dt`` [s] is the time between two calls of ``step``; a goal is reached within
+        ``control_dt`` [s] is the time between two answers of the policy; a goal is reached within
         ``goal_radius`` [m]. ``same_clock`` is as for ``SafetySupervisor``.
         """
         self.patience_s = PATIENCE_S
@@ -84,9 +87,17 @@ class Controller:
         """A heading is reached within this [rad]."""
         self.policy = policy
         self.robot = robot
-        self.control_dt = control_dt
+        self.control_dt = control_dt / max(1, math.ceil(control_dt / LONGEST_STEP_S - 1e-9))
+        """Time between two calls of ``step`` [s]; in between, a slow policy's answer is kept."""
         self.goal_radius = goal_radius
-        self.supervisor = SafetySupervisor(robot, control_dt, safety, same_clock=same_clock)
+        self.supervisor = SafetySupervisor(robot, self.control_dt, safety, same_clock=same_clock)
+        self.clock: Callable[[], float] = time.monotonic
+        """What the policy is timed by [s]; in simulated time give it the simulation's: there the
+        wall's seconds are not the robot's, be it that they race or that they wait."""
+        self._policy_dt = control_dt
+        self._asked_at = -math.inf
+        """When the policy gave the answer that is kept [s]; not finite if there is none."""
+        self._answer: NDArray[np.float64] | None = None
         self._goals: deque[Goal] = deque()
         self._turning_since: float | None = None
         """Since when the robot is at the last goal and turns to its heading [s]."""
@@ -138,7 +149,12 @@ class Controller:
         if not self.supervisor.emergency:
             self.cancel()
             self._goals.extend(goals)
-            self.policy.reset()
+            self._forget()
+
+    def _forget(self) -> None:
+        """Let the policy begin anew."""
+        self.policy.reset()
+        self._asked_at = -math.inf
 
     def move_goals(self, goals: Iterable[Goal]) -> None:
         """Correct the places of the remaining goals, as when their frame moves in odometry's."""
@@ -175,6 +191,8 @@ class Controller:
         proposed: NDArray[np.float64] | Command | None = None
         if not faults and self.goal is not None:
             proposed = self._propose(self.goal, now)
+        else:
+            self._asked_at = -math.inf
         verdict = supervisor.supervise(proposed, now, goal=self.goal is not None, **ages)
         dropped = self.goal is not None and self._is_hopeless(verdict, now)
         if dropped:
@@ -199,7 +217,7 @@ class Controller:
         before = len(self._goals)
         while len(self._goals) > 1 and self._distance(now) <= self.goal_radius:
             self._goals.popleft()
-            self.policy.reset()
+            self._forget()
         if len(self._goals) == 1 and self._is_there(now):
             self.cancel()
         return len(self._goals) < before
@@ -227,11 +245,12 @@ class Controller:
         """Return what to do about a goal that is not reached yet; None if the policy fails."""
         if self._turning_since is not None:
             self.failure = None
+            self._asked_at = -math.inf
             left = self._left_to_turn(now)
             return 0.0, turn_rate(left, self.robot.limits, self.control_dt)
         pose = self.supervisor.pose(now)
         assert pose is not None
-        return self._ask(to_frame(np.array([goal.x, goal.y]), pose))
+        return self._advice(to_frame(np.array([goal.x, goal.y]), pose), now)
 
     def _is_hopeless(self, verdict: Verdict, now: float) -> bool:
         """Tell whether nobody expects the robot to reach its goals any more."""
@@ -244,19 +263,34 @@ class Controller:
         tired = now - self._sound > self.patience_s
         return tired or not ENDS_THE_GOAL.isdisjoint(verdict.reasons)
 
-    def _ask(self, goal: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    def _advice(self, goal: NDArray[np.float64], now: float) -> NDArray[np.float64] | None:
+        """Return what the policy would do, or what it said last until its next step is due."""
+        due = self._policy_dt - 0.5 * self.control_dt
+        slow = self._policy_dt > self.control_dt
+        if slow and self._answer is not None and 0.0 <= now - self._asked_at < due:
+            return self._answer
+        self._asked_at = now
+        self._answer = self._ask(goal, now)
+        return self._answer
+
+    def _ask(self, goal: NDArray[np.float64], now: float) -> NDArray[np.float64] | None:
         """Return what the policy would do; None if it fails, whatever it fails of."""
-        odometry, scan = self.supervisor.odometry, self._scan
+        odometry, scan, policy = self.supervisor.odometry, self._scan, self.policy
         assert odometry is not None
         assert scan is not None
         self.failure = None
-        began = time.perf_counter()
+        began = self.clock()
         try:
-            command = self.policy.act(self._fitter.fit(scan), goal, odometry.twist)
+            sees = (self._fitter.fit(scan), goal, odometry.twist)
+            if is_timed(policy):
+                applied, pose = self.supervisor.commanded(now), self.supervisor.pose(now)
+                command = policy.act(*sees, now=now, applied=applied, pose=pose)
+            else:
+                command = policy.act(*sees)
         except Exception as error:  # A policy is a stranger's file: no failure may stop the loop.
             self.failure = " ".join(str(error).split())[:200] or type(error).__name__
             return None
-        seconds = time.perf_counter() - began
+        seconds = self.clock() - began
         if seconds > self.control_dt:
             # What it saw is over, and so is the time for which the supervisor would judge.
             self.failure = f"took {seconds:.2f} s, longer than a control step"

@@ -45,6 +45,8 @@ class Driver:
         self._inbox = Inbox()
         self._sim_time = sim_time
         self._clock = -math.inf
+        if sim_time:
+            controller.clock = self._newest_clock
         self._record = record
         self._ended = threading.Event()
         self._frame = ""
@@ -100,6 +102,11 @@ class Driver:
 
     def _now(self) -> float:
         return self._clock if self._sim_time else time.monotonic()
+
+    def _newest_clock(self) -> float:
+        """Return the simulated time, also while a step keeps us from handling what comes [s]."""
+        event = self._inbox.newest("clock")
+        return self._clock if event is None else seconds(event.message.clock)
 
     def _hear(self, due: float) -> None:
         """Handle what has come; with nothing there wait for it, until the next step at most."""

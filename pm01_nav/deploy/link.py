@@ -63,6 +63,11 @@ class Inbox:
             self._events.clear()
         return events
 
+    def newest(self, kind: str) -> Event | None:
+        """Return the newest event of a kind that waits, if any, and leave it there."""
+        with self._lock:
+            return next((event for event in reversed(self._events) if event.kind == kind), None)
+
 
 class Link(Protocol):
     """A connection that looks after itself: it reconnects, with growing pauses."""

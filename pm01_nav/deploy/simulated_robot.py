@@ -144,7 +144,7 @@ class SimulatedRobot:
 
 def simulated_robot(
     world: str,
-    robot: str,
+    robot: str | RobotSpec,
     *,
     seed: int,
     dt: float,
@@ -152,17 +152,16 @@ def simulated_robot(
     command_timeout: float = 0.2,
     randomization: str = "off",
 ) -> SimulatedRobot:
-    """Return ``robot`` (a name or a YAML file) in ``world``: a suite's name or a world's file.
+    """Return ``robot`` (or that of a name or a YAML file) in ``world``: a suite or a world's file.
 
     ``randomization`` is as for ``load_randomization``, the rest as for ``SimulatedRobot``.
 
     Raises:
         InputError: there is no such world or robot, or no way leads through the world.
     """
-    spec = load_robot(robot)
+    spec = robot if isinstance(robot, RobotSpec) else load_robot(robot)
     if world in TASKS:
-        task = task_config(world).model_copy(update={"robot": robot})
-        pool = world_pool(task, "held_out", NUM_WORLDS, 1)
+        pool = world_pool(task_config(world), "held_out", NUM_WORLDS, 1, robot=spec)
     else:
         pool = build_pool([read_world(world)], spec.footprint.circumscribed_radius + MARGIN)
     return SimulatedRobot(
@@ -181,8 +180,10 @@ def drive_simulated(
 ) -> int:
     """Drive for ``seconds`` of simulated time; return how many goals were reached.
 
-    After each goal the robot gets another one in the same world.
+    After each goal the robot gets another one in the same world. No time goes by while the policy
+    thinks.
     """
+    controller.clock = lambda: robot.time
     arrived, due, until = 0, robot.time, robot.time + seconds
     goals = _goals(robot)
     controller.set_goal(next(goals))

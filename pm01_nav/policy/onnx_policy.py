@@ -49,12 +49,17 @@ class OnnxPolicy(NetworkPolicy):
 
         super().__init__(layout, network, control_dt, memory_size)
         if robot is not None:
-            self._check_robot(robot)
+            self.check_robot(robot)
             # How its driver says "no return" is the robot's own, not what was learned.
             scan = replace(layout.scan, zero_means=robot.lidar.zero_means)
             self.layout = replace(layout, scan=scan)
 
-    def _check_robot(self, robot: RobotSpec) -> None:
+    def check_robot(self, robot: RobotSpec) -> None:
+        """Make sure that the policy fits ``robot``.
+
+        Raises:
+            InputError: its lidar, its limits or its size are not those of the training.
+        """
         lidar, limits, mine = robot.lidar, robot.limits, self.layout
         mount = self.metadata.get("lidar_mount", [0.0, 0.0, 0.0])
         radius = self.metadata.get("footprint_radius", 0.0)

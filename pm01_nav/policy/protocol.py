@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+import inspect
+from typing import Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,3 +28,29 @@ class Policy(Protocol):
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Go on with these of the robots, numbered as in the last ``act``; the rest are done."""
         ...
+
+
+class TimedPolicy(Policy, Protocol):
+    """A policy with a memory that can be told what went on since the last call."""
+
+    def act(
+        self,
+        scan: ArrayLike,
+        goal: ArrayLike,
+        velocity: ArrayLike,
+        *,
+        now: float | None = None,
+        applied: ArrayLike | None = None,
+        pose: ArrayLike | None = None,
+    ) -> NDArray[np.float64]:
+        """Return the next command, as ``Policy.act`` does.
+
+        ``now`` [s]: the time, by any clock that does not jump. ``applied`` (..., 2): the command
+        that the robot was given last [m/s, rad/s]. ``pose`` (..., 3): by odometry [m, m, rad].
+        """
+        ...
+
+
+def is_timed(policy: Policy) -> TypeGuard[TimedPolicy]:
+    """Tell whether ``act`` takes what a ``TimedPolicy``'s does; it need not."""
+    return {"now", "applied", "pose"} <= inspect.signature(policy.act).parameters.keys()

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pm01_nav.backends import DEFAULT_GAZEBO, BackendName, GazeboConfig
-from pm01_nav.config import FrozenModel, merge, validate
-from pm01_nav.robot import NonNegative, Positive, RobotSpec, load_robot
+from pm01_nav.config import FrozenModel
+from pm01_nav.robot import NonNegative, Positive, RobotSpec, changed_robot, load_robot
 from pm01_nav.sim.state import PedestrianModel
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
@@ -128,11 +128,7 @@ class TaskConfig(FrozenModel):
         Raises:
             InputError: no such robot, or the changes make it impossible.
         """
-        robot = load_robot(self.robot)
-        if not self.robot_changes:
-            return robot
-        changed = merge(robot.model_dump(), self.robot_changes)
-        return validate(RobotSpec, changed, f"robot {self.robot} with robot_changes")
+        return changed_robot(load_robot(self.robot), self.robot_changes)
 
     def goal_distance_limits(self) -> tuple[float, float]:
         """Return the least and the greatest distance from start to goal [m]."""

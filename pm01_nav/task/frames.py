@@ -62,10 +62,16 @@ class FrameStack:
         xp = array_namespace(scan)
         self._ring[...] = xp.where(begins[None, :, None], scan[None], self._ring)
 
-    def push(self, scan: NDArray[np.float32]) -> None:
-        """Go on by one control step, in which the robots saw ``scan`` (num_robots, sectors)."""
-        self._now[0] = (self._now[0] + 1) % len(self._ring)
-        self._ring[self._now[0]] = scan
+    def push(self, scan: NDArray[np.float32], steps: int = 1) -> None:
+        """Go on by ``steps`` control steps, in which the robots saw ``scan`` (num_robots, sectors).
+
+        With 0 it stands for the newest one.
+        """
+        for _ in range(steps):
+            self._now[0] = (self._now[0] + 1) % len(self._ring)
+            self._ring[self._now[0]] = scan
+        if steps == 0:
+            self._ring[self._now[0]] = scan
 
     def show(self, robots: NDArray[np.int64] | slice) -> list[NDArray[np.float32]]:
         """Return the present scan and the earlier ones, newest first, each (n, sectors)."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.errors import InputError
-from pm01_nav.geometry import after_twist
+from pm01_nav.geometry import after_twist, compose_poses
 
 FloatArray = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ class Trail:
         self._pose = np.zeros((count, 3))
         self._velocity: FloatArray | None = None
         self._places = np.zeros((count, layout.capacity, 2))
-        self._steps = 0
+        self._until_note = 1
         self._noted = 0
 
     def keep(self, robots: NDArray[np.int64]) -> None:
@@ -109,19 +109,32 @@ class Trail:
         if self._velocity is not None:
             self._velocity = self._velocity[robots]
 
-    def follow(self, velocity: ArrayLike) -> NDArray[np.float32]:
+    def follow(
+        self,
+        velocity: ArrayLike,
+        *,
+        seconds: float | None = None,
+        steps: int = 1,
+        motion: FloatArray | None = None,
+    ) -> NDArray[np.float32]:
         """Move on by one control step; return ``visited_sectors`` and ``familiarity``, (n, size).
 
-        ``velocity`` (n, 2): measured v and w [m/s, rad/s] now. The first call moves nothing.
+        ``velocity`` (n, 2): measured v and w [m/s, rad/s] now. ``seconds`` and ``steps`` tell if it
+        was not one control step. ``motion`` (n, 3) [m, m, rad] is how far the robots came, as seen
+        from where they were, if that is known better. The first call moves nothing.
         """
         velocity = np.asarray(velocity, dtype=np.float64)
-        if self._velocity is not None:
-            self._pose = after_twist(self._pose, 0.5 * (self._velocity + velocity), self._dt)
+        if motion is not None:
+            self._pose = compose_poses(self._pose, motion)
+        elif self._velocity is not None:
+            mean = 0.5 * (self._velocity + velocity)
+            self._pose = after_twist(self._pose, mean, self._dt if seconds is None else seconds)
         self._velocity = velocity.copy()
-        if self._steps % self.layout.interval_steps == 0:
+        self._until_note -= steps
+        if self._until_note <= 0:
             self._places[:, self._noted % self.layout.capacity] = self._pose[:, :2]
             self._noted += 1
-        self._steps += 1
+            self._until_note += self.layout.interval_steps
         places = self._places[:, : self._noted]
         # How many places were noted after that of a slot; the slots are a ring.
         later = (self._noted - 1 - np.arange(places.shape[1])) % self.layout.capacity

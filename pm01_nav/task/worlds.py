@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Literal
 
 from pm01_nav.errors import InputError
+from pm01_nav.robot import RobotSpec
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.worlds.barn import load_barn
 from pm01_nav.worlds.dynabarn import read_dynabarn
@@ -21,28 +22,34 @@ SEEDS_PER_RUN = 1 << 20
 
 
 def world_pool(
-    config: TaskConfig, split: Split, count: int, seed: int = 0, *, first: int = 0
+    config: TaskConfig,
+    split: Split,
+    count: int,
+    seed: int = 0,
+    *,
+    first: int = 0,
+    robot: RobotSpec | None = None,
 ) -> WorldPool:
     """Make or read worlds for a task.
 
     Generated worlds of the two splits never share a seed; ``seed`` chooses among those of a
     split, and the first of them can be left out. Worlds from files are the same in both splits
-    and ``count`` and ``first`` do not apply.
+    and ``count`` and ``first`` do not apply. ``robot`` takes the place of the task's.
 
     Raises:
         InputError: the suite is unknown, its files are unusable, or no way leads to a goal.
     """
-    radius = config.robot_spec().footprint.circumscribed_radius + config.margin
+    footprint = (robot or config.robot_spec()).footprint
+    radius = footprint.circumscribed_radius + config.margin
     if config.suite == "map":
         return build_pool([read_world(_required(config.map, "map"))], radius)
     if config.suite == "barn":
-        inscribed = config.robot_spec().footprint.inscribed_radius
-        return build_pool(load_barn(_required(config.worlds, "worlds")).worlds, inscribed)
+        barn = load_barn(_required(config.worlds, "worlds"))
+        return build_pool(barn.worlds, footprint.inscribed_radius)
     if config.suite == "dynabarn":
-        inscribed = config.robot_spec().footprint.inscribed_radius
         worlds = read_dynabarn(_required(config.worlds, "worlds"))
         # As in the challenge, each run begins at the beginning of the obstacles' tracks.
-        return build_pool(worlds, inscribed, random_phase=False)
+        return build_pool(worlds, footprint.inscribed_radius, random_phase=False)
     if config.suite not in SUITES:
         allowed = ", ".join(sorted([*SUITES, *FILE_SUITES]))
         raise InputError(f"suite = {config.suite!r}: unknown; allowed: {allowed}")

@@ -41,24 +41,41 @@ class Recorder:
         return self.answer
 
 
+class TimedRecorder(Recorder):
+    """One that is told what went on since it was asked last."""
+
+    def act(self, scan, goal, velocity, *, now=None, applied=None, pose=None):
+        self.told = (now, applied, tuple(pose))
+        return super().act(scan, goal, velocity)
+
+
 @pytest.fixture
 def policy():
     return Recorder()
 
 
 @pytest.fixture
-def controller(robot, policy, make_scan, make_odometry):
-    controller = Controller(
-        policy,
-        robot,
-        scan_geometry(robot.lidar),
-        control_dt=0.1,
-        goal_radius=0.3,
-        safety=SafetyConfig(),
-    )
-    controller.see_odometry(make_odometry(5.0, 0.2, 0.1, (1.0, 2.0, math.pi / 2)), 5.0)
-    controller.see_scan(make_scan(5.0), 5.0)
-    return controller
+def make_controller(robot, make_scan, make_odometry):
+    def make(policy, control_dt: float = 0.1) -> Controller:
+        """Return a controller of a robot at (1, 2) that looks along y and sees free space."""
+        controller = Controller(
+            policy,
+            robot,
+            scan_geometry(robot.lidar),
+            control_dt=control_dt,
+            goal_radius=0.3,
+            safety=SafetyConfig(),
+        )
+        controller.see_odometry(make_odometry(5.0, 0.2, 0.1, (1.0, 2.0, math.pi / 2)), 5.0)
+        controller.see_scan(make_scan(5.0), 5.0)
+        return controller
+
+    return make
+
+
+@pytest.fixture
+def controller(make_controller, policy):
+    return make_controller(policy)
 
 
 def test_the_policy_sees_the_goal_from_where_the_robot_is(controller, policy):
@@ -119,6 +136,76 @@ def test_a_policy_that_takes_too_long_is_not_obeyed(controller, policy):
     status = controller.step(5.0)
     assert status.verdict.reasons == (Reason.POLICY_FAILED,)
     assert "longer than a control step" in controller.failure
+
+
+def test_a_policy_is_timed_by_the_clock_that_the_robot_runs_by(controller, policy):
+    times = iter([7.0, 7.0, 8.0, 8.11])
+    controller.clock = lambda: next(times)
+    controller.set_goal(Goal(0.0, 5.0))
+    # In a simulation that waits no time goes by, however long it takes on the wall...
+    policy.act = lambda *_: time.sleep(0.12) or (0.1, 0.0)
+    assert controller.step(5.0).verdict.reasons == ()
+    # ... and in one that races a moment may be longer than a control step of 0.1 s.
+    policy.act = lambda *_: (0.1, 0.0)
+    assert controller.step(5.1).verdict.reasons == (Reason.POLICY_FAILED,)
+
+
+def test_a_policy_is_told_what_the_robot_was_told_and_how_far_it_came(
+    make_controller, make_scan, make_odometry
+):
+    policy, north = TimedRecorder(), math.pi / 2
+    controller = make_controller(policy)
+    controller.set_goal(Goal(0.0, 9.0))
+    policy.answer = (0.5, 0.0)
+    # From standing 2 m/s^2 reach 0.2 m/s in a step, and that is what it was given.
+    assert controller.step(5.0).verdict.command == pytest.approx((0.2, 0.0))
+    assert policy.told == (5.0, (0.0, 0.0), (1.0, 2.0, north))
+    controller.see_odometry(make_odometry(5.1, 0.0, 0.0, (1.0, 2.01, north)), 5.1)
+    controller.step(5.1)
+    assert policy.told == (5.1, pytest.approx((0.2, 0.0)), (1.0, 2.01, north))
+    # Odometry falls silent: for a second it stands, and nobody asks.
+    for k in range(6, 11):
+        assert Reason.STALE_ODOMETRY in controller.step(5.0 + 0.1 * k).verdict.reasons
+    assert len(policy.asked) == 2
+    controller.see_odometry(make_odometry(6.1, 0.0, 0.0, (1.0, 2.05, north)), 6.1)
+    controller.see_scan(make_scan(6.1), 6.1)
+    controller.step(6.1)
+    assert policy.told == (6.1, (0.0, 0.0), (1.0, 2.05, north))
+    # The loop hung for 0.25 s, so that a watchdog has stopped the robot.
+    controller.see_odometry(make_odometry(6.35, 0.0, 0.0, (1.0, 2.06, north)), 6.35)
+    controller.step(6.35)
+    assert policy.told == (6.35, (0.0, 0.0), (1.0, 2.06, north))
+
+
+@pytest.mark.parametrize(
+    ("policy_dt", "step"), [(0.05, 0.05), (0.1, 0.1), (0.12, 0.06), (0.25, 1 / 12), (1.0, 0.1)]
+)
+def test_commands_come_often_enough_for_watchdogs_however_slow_the_policy(
+    make_controller, policy, policy_dt, step
+):
+    controller = make_controller(policy, policy_dt)
+    assert controller.control_dt == pytest.approx(step)
+    assert controller.supervisor.control_dt == pytest.approx(step)
+
+
+def test_a_slow_policy_is_supervised_between_its_steps(
+    make_controller, policy, make_scan, make_odometry
+):
+    controller = make_controller(policy, 0.3)
+    controller.set_goal(Goal(0.0, 9.0))
+    asked, commands = [], []
+    # From 5.5 s on there is a wall all around, 1 cm from the outline of 0.17 m; at 6.4 s no scan.
+    for now in (5.0, 5.1, 5.2, 5.3, 5.4, 5.5, 5.6, 5.7, 6.4, 6.5):
+        controller.see_odometry(make_odometry(now, pose=(1.0, 2.0, math.pi / 2)), now)
+        if now != 6.4:
+            controller.see_scan(make_scan(now, np.inf if now < 5.5 else 0.18), now)
+        commands.append(controller.step(now).verdict.command[0])
+        asked.append(len(policy.asked))
+    # After a fault it is asked at once.
+    assert asked == [1, 1, 1, 2, 2, 2, 3, 3, 3, 4]
+    # 0.1 m/s is what it asks for; between its steps at 5.3 and 5.6 s it is stopped all the same.
+    assert commands[:5] == pytest.approx([0.1] * 5)
+    assert commands[5:] == [0.0] * 5
 
 
 def test_what_a_policy_sees_can_be_drawn(robot, make_scan):

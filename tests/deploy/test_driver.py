@@ -189,6 +189,40 @@ def test_a_backlog_is_not_driven_through(drive, link):
     assert distances[0] == pytest.approx(1.6, abs=0.02)
 
 
+def test_a_policy_is_timed_by_the_simulated_clock(robot, link):
+    """In a simulation that races a policy may answer at once and be late all the same."""
+    link._live = lambda: None
+    controller = Controller(
+        make_planner("goal_seeking", robot, 0.1),
+        robot,
+        scan_geometry(robot.lidar),
+        control_dt=0.1,
+        goal_radius=0.3,
+        safety=SafetyConfig(),
+        same_clock=True,
+    )
+    failures = []
+
+    def open_(inbox) -> None:
+        link.inbox = inbox
+        inbox.put("clock", NS(clock=header(100.0).stamp))
+        link.speak(100.0)
+
+    def act(scan, goal, velocity):
+        # 0.2 s of the robot's time, two control steps, while it thinks.
+        link.inbox.put("clock", NS(clock=header(100.2).stamp))
+        return (0.1, 0.0)
+
+    def listen(status):
+        failures.append(controller.failure)
+        driver.end()
+
+    link.open, controller.policy.act = open_, act
+    driver = Driver(controller, link, sim_time=True)
+    driver.run(iter([Goal(2.0, 0.0)]), listen)
+    assert failures == ["took 0.20 s, longer than a control step"]
+
+
 def test_a_silence_stops_the_robot_and_after_it_the_robot_goes_on(drive, link):
     silent, commands = [], []
 

@@ -133,6 +133,26 @@ def watcher(rclpy):
 
 
 @pytest.fixture
+def send_action(watcher):
+    """Return a function that sends a goal by an action until it is accepted; returns its handle."""
+    from rclpy.action import ActionClient
+
+    def send(action, name, goal, on_feedback=None):
+        client = ActionClient(watcher, action, name)
+        assert watcher.wait_for(client.server_is_ready)
+        # The server is there once the node is configured, and accepts goals once it is active.
+        end = time.monotonic() + 60.0
+        while time.monotonic() < end:
+            future = client.send_goal_async(goal, feedback_callback=on_feedback)
+            assert watcher.wait_for(future.done)
+            if future.result().accepted:
+                return future.result()
+        raise AssertionError(f"{name} accepts no goal")
+
+    return send
+
+
+@pytest.fixture
 def call(watcher):
     """Return a function that returns a service's answer."""
 
@@ -141,9 +161,12 @@ def call(watcher):
         assert watcher.wait_for(client.service_is_ready)
         # The service is seen before it sees us, and an answer to nobody is lost.
         watcher.wait_for(lambda: False, 1.0)
-        future = client.call_async(request)
-        assert watcher.wait_for(future.done)
-        return future.result()
+        # On a busy machine it may take longer; what only asks may ask again.
+        for _ in range(10 if kind.__name__.startswith("Get") else 1):
+            future = client.call_async(request)
+            if watcher.wait_for(future.done, 10.0):
+                return future.result()
+        raise AssertionError(f"{name} does not answer")
 
     return ask
 
@@ -153,8 +176,10 @@ def state(call):
     """Return a function that returns the policy node's state."""
     from lifecycle_msgs.srv import GetState
 
-    request = GetState.Request()
-    return lambda: call(GetState, "/policy_node/get_state", request).current_state.label
+    def ask() -> str:
+        return call(GetState, "/policy_node/get_state", GetState.Request()).current_state.label
+
+    return ask
 
 
 @pytest.fixture

@@ -11,31 +11,19 @@ import pytest
 
 
 @pytest.fixture
-def action(watcher):
-    """Return a function that sends a goal of an action and returns its handle and feedback."""
+def action(send_action):
+    """Return a function that sends poses by an action and returns its handle and feedback."""
     from nav2_msgs.action import NavigateThroughPoses, NavigateToPose
-    from rclpy.action import ActionClient
 
-    kinds = {"navigate_to_pose": NavigateToPose, "navigate_through_poses": NavigateThroughPoses}
-
-    def send(*poses, name="navigate_to_pose"):
-        kind, feedback = kinds[name], []
-        client = ActionClient(watcher, kind, f"/{name}")
-        assert watcher.wait_for(client.server_is_ready)
-        goal = kind.Goal()
-        if name == "navigate_to_pose":
-            (goal.pose,) = poses
+    def send(*poses):
+        feedback = []
+        if len(poses) == 1:
+            goal = NavigateToPose.Goal(pose=poses[0])
+            handle = send_action(NavigateToPose, "/navigate_to_pose", goal, feedback.append)
         else:
-            goal.poses = list(poses)
-        # The server is seen before it is ready to be told.
-        accepted = False
-        end = time.monotonic() + 30.0
-        while not accepted and time.monotonic() < end:
-            future = client.send_goal_async(goal, feedback_callback=lambda f: feedback.append(f))
-            assert watcher.wait_for(future.done)
-            accepted = future.result().accepted
-        assert accepted
-        return future.result(), feedback
+            kind, name = NavigateThroughPoses, "/navigate_through_poses"
+            handle = send_action(kind, name, kind.Goal(poses=list(poses)), feedback.append)
+        return handle, feedback
 
     return send
 
@@ -143,7 +131,7 @@ def test_poses_are_passed_in_order(start, watcher, policy_file, action, odometry
     # Straight ahead; at the second of them no heading is turned to, since it is not the last.
     places = [ahead(began, distance) for distance in (0.8, 1.6, 2.4)]
     poses = [pose("odom", *place, began[2] + 2.0 * (k == 1)) for k, place in enumerate(places)]
-    handle, feedback = action(*poses, name="navigate_through_poses")
+    handle, feedback = action(*poses)
     assert status_of(watcher, handle) == SUCCEEDED
     told = [f.feedback.number_of_poses_remaining for f in feedback]
     assert told == sorted(told, reverse=True)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -16,7 +17,7 @@ def test_navigation_as_launched(rclpy, policy_file):
     pytest.importorskip("launch_testing", reason="needs launch_testing")
     launch_test = Path(__file__).parent / "navigate_launch.py"
     done = subprocess.run(
-        ["launch_test", str(launch_test)],
+        [sys.executable, "-m", "launch_testing.launch_test", str(launch_test)],
         env=os.environ | {"PM01_TEST_POLICY": str(policy_file)},
         capture_output=True,
         text=True,

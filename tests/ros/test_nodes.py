@@ -60,25 +60,19 @@ def test_the_watchdog_stops_a_base_whose_driver_is_killed(start, watcher):
     assert watcher.commands[-1][0] - silent < 0.6
 
 
-def test_an_action_is_preempted_and_canceled(start, watcher, policy_file, rclpy):
+def test_an_action_is_preempted_and_canceled(start, watcher, policy_file, send_action):
     from action_msgs.msg import GoalStatus
     from nav2_msgs.action import NavigateToPose
-    from rclpy.action import ActionClient
 
     start("sim_node", world="empty")
     start("policy_node", policy=policy_file, autostart="true")
-    client = ActionClient(watcher, NavigateToPose, "/navigate_to_pose")
-    assert watcher.wait_for(client.server_is_ready)
     goal = NavigateToPose.Goal()
-    goal.pose.header.frame_id = "map"
+    goal.pose.header.frame_id = "odom"
     goal.pose.pose.position.x = goal.pose.pose.position.y = 40.0
     feedback = []
 
     def send():
-        future = client.send_goal_async(goal, feedback_callback=feedback.append)
-        assert watcher.wait_for(future.done)
-        assert future.result().accepted
-        return future.result()
+        return send_action(NavigateToPose, "/navigate_to_pose", goal, feedback.append)
 
     first = send()
     assert watcher.wait_for(lambda: any(f.feedback.distance_remaining > 10.0 for f in feedback))
