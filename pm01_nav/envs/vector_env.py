@@ -148,7 +148,13 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         return observation, result.reward, result.terminated, result.truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Return a picture of each robot; in mode ``human`` a window shows the first one."""
+        """Return a picture of each robot; in mode ``human`` a window shows the first one.
+
+        Raises:
+            ResetNeeded: there was no ``reset`` yet.
+        """
+        if self._ended is None:
+            raise ResetNeeded("call reset before render")
         if self.render_mode != "rgb_array":
             return None
         return tuple(renderer.frame() for renderer in self._renderers)

@@ -271,6 +271,8 @@ def test_actions_of_another_shape_are_refused_in_one_line(wrong: Any) -> None:
 def test_steps_before_a_reset_are_refused() -> None:
     with pytest.raises(ResetNeeded, match="call reset"):
         NavEnv("empty", **FEW).step([0.0, 0.0])
+    with pytest.raises(ResetNeeded, match="call reset"):
+        NavVectorEnv(2, "empty", render_mode="rgb_array", **FEW).render()
 
 
 @pytest.mark.parametrize("mode", ["vector_entry_point", "sync"])
