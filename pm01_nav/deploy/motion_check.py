@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,30 +86,48 @@ def seen_share(scan: Scan, mount_yaw: float) -> tuple[float, float]:
     It is the number of valid beams within ``CONE``, as a share of those that a lidar which looks
     there would have; and 0 where a gap between them is wider than ``BLIND_GAP``.
     """
+    if scan.angle_increment == 0.0:
+        return 0.0, 0.0
     ranges = np.asarray(scan.ranges, dtype=np.float32)
     valid = is_valid(ranges, np.float32(scan.range_min), np.float32(scan.range_max))
-    step = abs(scan.angle_increment)
-    if step == 0.0:
-        return 0.0, 0.0
-    beams = np.arange(len(ranges), dtype=np.float64)
-    angles: FloatArray = mount_yaw + scan.angle_min + scan.angle_increment * beams
-    ahead, behind = (
-        _share_within_cone(wrap_angle(angles + turn), valid, step) for turn in (0.0, math.pi)
-    )
-    return ahead, behind
+    beams = (len(ranges), mount_yaw + scan.angle_min, scan.angle_increment)
+    return _share_within(_cone(*beams, 0.0), valid), _share_within(_cone(*beams, math.pi), valid)
 
 
-def _share_within_cone(angles: FloatArray, valid: NDArray[np.bool_], step: float) -> float:
-    """Return how much of what lies around the angle 0 beams ``step`` [rad] apart tell of."""
+class _Cone(NamedTuple):
+    """The beams of a lidar as seen from the middle of a cone, from right to left."""
+
+    order: NDArray[np.int64]
+    angles: FloatArray
+    """Those beyond the cone, or beyond what the lidar sees of it, are moved to its edge [rad]."""
+    within: NDArray[np.bool_]
+    step: float
+    """[rad]"""
+
+
+@lru_cache(maxsize=16)
+def _cone(count: int, first: float, increment: float, middle: float) -> _Cone | None:
+    """Return the beams around the direction ``middle`` [rad]; None if there are none."""
+    beams = np.arange(count, dtype=np.float64)
+    angles: FloatArray = wrap_angle(first + increment * beams - middle)
+    order = np.argsort(angles)
+    angles = angles[order]
     within = np.abs(angles) <= CONE
-    if not (valid & within).any():
+    if not within.any():
+        return None
+    edges = angles[within][[0, -1]]
+    return _Cone(order, np.clip(angles, *edges), within, abs(increment))
+
+
+def _share_within(cone: _Cone | None, valid: NDArray[np.bool_]) -> float:
+    if cone is None:
         return 0.0
-    # The widest gap within the cone, or within as much of it as the lidar looks into.
-    edges = angles[within].min(), angles[within].max()
-    told = np.sort(np.clip(np.append(angles[valid], edges), *edges))
-    if np.diff(told).max() > max(BLIND_GAP, BLIND_STEPS * step):
+    valid = valid[cone.order]
+    # The cone's edges bound the gaps beside the outermost beams that tell something.
+    told = np.concatenate([cone.angles[:1], cone.angles[valid], cone.angles[-1:]])
+    if (told[1:] - told[:-1]).max() > max(BLIND_GAP, BLIND_STEPS * cone.step):
         return 0.0
-    return float(np.count_nonzero(valid & within)) * step / (2.0 * CONE)
+    return float(np.count_nonzero(valid & cone.within)) * cone.step / (2.0 * CONE)
 
 
 def time_to_contact(

@@ -81,18 +81,18 @@ class ScanCheck:
         if valid > 0.0 and valid >= self._valid_share_min:
             self.returns = returns_as_points(clean, self._mount)
             self._seen = seen_share(clean, float(self._mount[2]))
-        looks = replace(clean, ranges=np.full_like(clean.ranges, np.inf))
-        if not self._tells_enough(looks):
+        if not self._tells_enough(clean):
             self.advice = _advice(scan, clean)
         return self.returns is not None
 
-    def _tells_enough(self, looks: Scan) -> bool:
-        """Tell whether the way ahead and the way back are seen, if the lidar ``looks`` there."""
-        if all(share >= self._valid_share_min for share in self._seen):
+    def _tells_enough(self, scan: Scan) -> bool:
+        """Tell whether the way ahead and the way back are seen, as far as the lidar looks there."""
+        least = self._valid_share_min
+        if min(self._seen) >= least:
             return True
-        possible = seen_share(looks, float(self._mount[2]))
-        pairs = zip(self._seen, possible, strict=True)
-        return all(seen >= self._valid_share_min or could == 0.0 for seen, could in pairs)
+        whole = replace(scan, ranges=np.full_like(scan.ranges, np.inf))
+        possible = seen_share(whole, float(self._mount[2]))
+        return all(s >= least or p < least for s, p in zip(self._seen, possible, strict=True))
 
     def forget(self) -> None:
         """Drop what was seen."""

@@ -10,8 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pm01_nav.deploy import motion_check, safety, scan_check
+from pm01_nav.deploy.freshness import Stream
 from pm01_nav.deploy.messages import Scan
 from pm01_nav.deploy.safety import Reason, SafetyConfig, SafetySupervisor
+from pm01_nav.deploy.scan_check import ScanCheck
 from pm01_nav.errors import InputError
 
 DT = 0.1
@@ -270,13 +273,13 @@ def test_settings_that_could_not_protect_are_refused(name, value):
 @given(
     seed=st.integers(0, 2**32 - 1),
     robot_name=st.sampled_from(["pm01", "jackal"]),
-    rates=st.tuples(*[st.floats(0.0, 0.5)] * 6),
+    rates=st.tuples(*[st.floats(0.0, 0.5)] * 8),
     delay=st.floats(0.0, 0.9),
 )
 def test_no_sequence_of_messages_leads_to_an_unsafe_command(
     safety_fuzz, seed, robot_name, rates, delay
 ):
-    drop, double, corrupt, jump, policy, operator = rates
+    drop, double, corrupt, jump, policy, operator, lidar, others = rates
     faults = safety_fuzz.Faults(
         drop=drop,
         double=double,
@@ -287,6 +290,11 @@ def test_no_sequence_of_messages_leads_to_an_unsafe_command(
         operator=operator,
         transform=0.1 * drop,
         silence=0.1 * corrupt,
+        sick=lidar,
+        frozen=lidar,
+        late=others,
+        foreign=0.2 * others,
+        our_clock_jump=0.1 * jump,
     )
     sequence = safety_fuzz.Sequence(seed, safety_fuzz.robot_with(robot_name, 90), faults)
     sequence.run()
@@ -303,6 +311,31 @@ def test_with_honest_messages_no_policy_touches_anything(safety_fuzz, seed, robo
     sequence.run()
     assert sequence.violations == []
     assert sequence.contacts == 0
+
+
+@pytest.mark.parametrize(
+    ("place", "name", "without", "faults", "violation"),
+    [
+        (motion_check, "BLIND_GAP", 9.0, {"sick": 50.0}, "drives blindly"),
+        (ScanCheck, "sees", lambda *_, **__: True, {"sick": 50.0}, "drives blindly"),
+        (scan_check, "by_rep_117", lambda scan, _: scan, {"sick": 50.0}, "unusable scan"),
+        (ScanCheck, "frozen", False, {"frozen": 50.0}, "frozen scan"),
+        (safety, "Stream", lambda _, **how: Stream(**how), {"late": 50.0}, "stale scan"),
+        (safety, "MIXED_S", -1.0, {"foreign": 0.5}, "two lidars"),
+        (SafetySupervisor, "_moved_too_far", lambda *_: False, {"foreign": 0.5}, "two odometries"),
+    ],
+)
+def test_the_judge_objects_where_a_check_is_left_out(
+    safety_fuzz, monkeypatch, place, name, without, faults, violation
+):
+    monkeypatch.setattr(place, name, without)
+    robot = safety_fuzz.robot_with("pm01", 60)
+    for seed in range(100):
+        sequence = safety_fuzz.Sequence(seed, robot, safety_fuzz.Faults(**faults))
+        sequence.run()
+        if violation in sequence.violations:
+            return
+    pytest.fail(f"nobody objected: {violation}")
 
 
 def test_the_judge_finds_what_is_unsafe(safety_fuzz, monkeypatch):
