@@ -7,7 +7,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from pm01_nav.config import FrozenModel
@@ -15,6 +15,7 @@ from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame, to_world
 from pm01_nav.planners.rolling_costmap import CostmapParams, RollingCostmap
 from pm01_nav.planners.scan_planner import ScanPlanner, clean_ranges
+from pm01_nav.policy.step_timer import StepTimer
 from pm01_nav.robot import RobotSpec
 from pm01_nav.worlds.free_space import FreeSpace
 from pm01_nav.worlds.global_plan import SNAP_DISTANCE, Costmap, GlobalPlan, plan_path
@@ -81,6 +82,9 @@ class GuidedPlanner(ScanPlanner):
         self.control_dt = control_dt
         self._guide, self._look_ahead = guide, look_ahead
         self._map: RollingCostmap | None = None
+        self._timer = StepTimer(control_dt)
+        self._told: tuple[float | None, ArrayLike | None] = (None, None)
+        """The time and the poses of the present call, if they are known."""
         self._plans: list[GlobalPlan | None] = []
         self._spaces: list[FreeSpace | None] = []
         self._age = np.zeros(0, dtype=np.int64)
@@ -89,14 +93,36 @@ class GuidedPlanner(ScanPlanner):
     def command(self, situation: Situation) -> FloatArray:
         """Return the next commands (n, 2) [m/s, rad/s]."""
 
+    def act(
+        self,
+        scan: ArrayLike,
+        goal: ArrayLike,
+        velocity: ArrayLike,
+        *,
+        now: float | None = None,
+        applied: ArrayLike | None = None,
+        pose: ArrayLike | None = None,
+    ) -> FloatArray:
+        """Return (v, w) [m/s, rad/s]; see ``TimedPolicy.act``. What was applied does not matter.
+
+        After a pause maps begin anew, unless odometry tells how far the robots came.
+
+        Raises:
+            InputError: as for ``Policy.act``, or a time or pose is not finite.
+        """
+        self._told = (now, pose)
+        return super().act(scan, goal, velocity)
+
     def reset(self) -> None:
         """Forget maps and plans."""
         self._map = None
+        self._timer.reset()
 
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Go on with these of the robots only; there must have been a call of ``act``."""
         assert self._map is not None
         self._map.keep(robots)
+        self._timer.keep(robots)
         self._plans = [self._plans[i] for i in robots]
         self._spaces = [self._spaces[i] for i in robots]
         self._age = self._age[robots]
@@ -110,10 +136,12 @@ class GuidedPlanner(ScanPlanner):
 
     def plan(self, scan: NDArray[np.float32], goal: FloatArray, velocity: FloatArray) -> FloatArray:
         """Follow the robots, plan where it is time to, and ask the subclass for commands."""
-        if self._map is None or len(self._plans) != len(goal):
+        seconds, _, paused, motion = self._timer.next(*self._told)
+        lost = paused and motion is None
+        if self._map is None or len(self._plans) != len(goal) or lost:
             self.begin(len(goal))
         assert self._map is not None
-        self._map.observe(scan, velocity)
+        self._map.observe(scan, velocity, seconds=seconds, motion=motion)
         clean = clean_ranges(scan, self.geometry)
         return self.command(Situation(clean, self._carrots(self._map, goal), velocity))
 

@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
-from pm01_nav.geometry import after_twist
+from pm01_nav.geometry import after_twist, compose_poses
 from pm01_nav.planners.scan_planner import clean_ranges
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.observation import scan_geometry
@@ -60,15 +60,26 @@ class RollingCostmap:
         self._angles = lidar.angles + lidar.yaw
         self._reach = min(lidar.range_max, params.obstacle_range)
 
-    def observe(self, scan: NDArray[np.float32], velocity: FloatArray) -> None:
+    def observe(
+        self,
+        scan: NDArray[np.float32],
+        velocity: FloatArray,
+        *,
+        seconds: float | None = None,
+        motion: FloatArray | None = None,
+    ) -> None:
         """Follow the robots by one control step and enter their scans.
 
         ``scan`` (n, num_beams): ranges by REP-117 [m]; ``velocity`` (n, 2) [m/s, rad/s] measured
-        now. The first call moves nothing.
+        now. ``seconds`` tells if it was not one control step, ``motion`` (n, 3) [m, m, rad] how far
+        the robots came, as seen from where they were, if that is known better. The first call moves
+        nothing.
         """
-        if self._velocity is not None:
+        if motion is not None:
+            self.pose = compose_poses(self.pose, motion)
+        elif self._velocity is not None:
             mean = 0.5 * (self._velocity + velocity)
-            self.pose = after_twist(self.pose, mean, self._dt)
+            self.pose = after_twist(self.pose, mean, self._dt if seconds is None else seconds)
         self._velocity = velocity.copy()
         self._roll()
         ranges = clean_ranges(scan, self._geometry)

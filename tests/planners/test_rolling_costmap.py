@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pm01_nav.planners import make_planner
 from pm01_nav.planners.rolling_costmap import CostmapParams, RollingCostmap
 from pm01_nav.robot import full_circle, load_robot
 
@@ -127,3 +128,27 @@ def test_robots_have_maps_of_their_own() -> None:
     costmap.keep(np.array([1]))
     assert not blocked(costmap, 1.0, 0.0)
     assert blocked(costmap, 0.0, 1.0)
+
+
+def test_odometry_tells_how_far_a_robot_came_in_a_pause() -> None:
+    costmap = make()
+    costmap.observe(looking(left=1.05), REST)
+    # Pushed 0.5 m ahead and turned to the left: what lay 1.05 m to the left is ahead now, and half
+    # a metre to the left. The map keeps it at (0, 1.05).
+    costmap.observe(BLIND, REST, seconds=60.0, motion=np.array([[0.5, 0.0, np.pi / 2]]))
+    assert costmap.pose[0] == pytest.approx([0.5, 0.0, np.pi / 2])
+    assert blocked(costmap, 0.0, 1.05)
+    costmap.observe(looking(ahead=0.75), REST, motion=np.zeros((1, 3)))
+    assert blocked(costmap, 0.5, 0.75)
+
+
+def test_a_planner_keeps_its_map_through_a_pause_if_it_knows_the_odometry() -> None:
+    robot = load_robot("pm01")
+    scan, goal, rest = np.full(robot.lidar.num_beams, 3.0), (2.0, 0.0), (0.0, 0.0)
+    for told, x in (((5.0, 0.0, 0.0), (5.4, 0.0, 0.0)), 0.4), ((None, None), 0.0):
+        planner = make_planner("vfh", robot, 0.1)
+        planner.act(scan, goal, (0.3, 0.0), now=1.0, pose=told[0])
+        before = planner._map
+        planner.act(scan, goal, rest, now=3.0, pose=told[1])
+        assert planner._map.pose[0, 0] == pytest.approx(x)
+        assert (planner._map is before) == (told[0] is not None)
