@@ -55,6 +55,7 @@ def diagnostics(
     if notes["second_publishers"]:
         bad = True
         said.append(f"commands come from {notes['second_publishers']}, too")
+    said += filter(None, [notes["advice"]])
     level = DiagnosticStatus.WARN if bad else DiagnosticStatus.OK
     if notes["other_servers"] or not ERRORS.isdisjoint(reasons):
         level = DiagnosticStatus.ERROR

@@ -101,6 +101,8 @@ class PolicyNode(LifecycleNode):
         except InputError as error:
             self.get_logger().error(f"not configured: {error}")
             return FAILURE
+        if self._value("use_sim_time"):
+            controller.clock = self._now
         controller.patience_s = float(self._value("goal_patience_s"))
         controller.yaw_tolerance = float(self._value("yaw_goal_tolerance"))
         for source in self._stop_button.sources:
@@ -358,10 +360,13 @@ class PolicyNode(LifecycleNode):
         notes = {
             "policy": str(self._value("policy")),
             "policy_failure": self.controller.failure or "",
+            "advice": self.controller.supervisor.advice or "",
             "lidar_mount": self._mount.state,
             "second_publishers": " ".join(self._others.publishers) if self._errand else "",
             "other_servers": self._others.shared_actions or "",
         }
+        if notes["advice"]:
+            self.get_logger().warning(notes["advice"], throttle_duration_sec=10.0)
         stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(diagnostics(stamp, self._status, self._timing, notes))
 
