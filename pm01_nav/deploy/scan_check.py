@@ -67,7 +67,8 @@ class ScanCheck:
 
     def sees(self, *, behind: bool) -> bool:
         """Tell whether the newest scan tells enough of what lies ahead, or behind."""
-        return self._seen[behind] >= self._valid_share_min
+        ahead, back = self._seen
+        return (back if behind else ahead) >= self._valid_share_min
 
     def see(self, scan: Scan, *, moves: bool) -> bool:
         """Take in a scan, and whether the robot moved before it; tell whether it is usable."""
