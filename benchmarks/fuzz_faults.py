@@ -162,7 +162,7 @@ def _other_stamp(rng: np.random.Generator, message: Any) -> Any:
 
 
 def _other_frame(rng: np.random.Generator, message: Any) -> Any:
-    return replace(message, frame=OTHER_FRAME)
+    return replace(message, frame_id=OTHER_FRAME)
 
 
 _SCANS: tuple[Callable[[np.random.Generator, Scan], Scan], ...] = (
@@ -206,8 +206,8 @@ _ODOMETRIES: tuple[Callable[[np.random.Generator, Odometry], Odometry], ...] = (
 
 def foreign(rng: np.random.Generator, message: Scan | Odometry) -> Scan | Odometry:
     """Return what somebody else publishes at that time: a lidar in free space, another odometry."""
-    frame = OTHER_FRAME if rng.random() < 0.5 else message.frame
+    frame = OTHER_FRAME if rng.random() < 0.5 else message.frame_id
     if isinstance(message, Scan):
-        return replace(message, ranges=np.full_like(message.ranges, np.inf), frame=frame)
+        return replace(message, ranges=np.full_like(message.ranges, np.inf), frame_id=frame)
     # Apart by U(-0.6, 0.6) m and U(-0.6, 0.6) rad.
-    return replace(message, pose=message.pose + rng.uniform(-0.6, 0.6, 3), frame=frame)
+    return replace(message, pose=message.pose + rng.uniform(-0.6, 0.6, 3), frame_id=frame)

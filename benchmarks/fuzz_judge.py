@@ -81,8 +81,10 @@ class Judge:
         elif unusable_odometry(message, self.robot):
             # What cannot be used is no frame that others are compared with.
             return
-        topic.changed |= "" not in (topic.frame, message.frame) and topic.frame != message.frame
-        topic.frame = message.frame or topic.frame
+        topic.changed |= (
+            "" not in (topic.frame, message.frame_id) and topic.frame != message.frame_id
+        )
+        topic.frame = message.frame_id or topic.frame
 
     def moved(self, now: float, pose: Any) -> None:
         """Note where the robot really is."""
