@@ -41,7 +41,7 @@ def rclpy():
 
 @pytest.fixture
 def start(rclpy):
-    """Return a function that starts a node of pm01_rl; all are killed at the end."""
+    """Return a function that starts a node of pm01_rl; all end with the test."""
     processes = []
 
     def run(executable: str, **parameters) -> subprocess.Popen:
@@ -52,11 +52,19 @@ def start(rclpy):
 
     yield run
     for process in processes:
+        end(process)
+
+
+def end(process: subprocess.Popen) -> None:
+    """End a process and its children; those that take leave are not seen any more afterwards."""
+    for number in (signal.SIGINT, signal.SIGKILL):
         try:
-            os.killpg(process.pid, signal.SIGKILL)
+            os.killpg(process.pid, number)
+            process.wait(10.0)
         except ProcessLookupError:
+            return
+        except subprocess.TimeoutExpired:
             continue
-        process.wait()
 
 
 @pytest.fixture(scope="session")
@@ -198,7 +206,7 @@ def change_state(call):
 
 @pytest.fixture
 def launch(rclpy):
-    """Return a function that launches navigate.launch.py; all is killed at the end."""
+    """Return a function that launches navigate.launch.py; all ends with the test."""
     processes = []
 
     def run(*arguments: str) -> subprocess.Popen:
@@ -208,8 +216,7 @@ def launch(rclpy):
 
     yield run
     for process in processes:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+        end(process)
 
 
 class Body:

@@ -9,6 +9,8 @@ from rclpy.node import Node
 
 DISCOVERY_S = 1.0
 """A node that has just started does not see all others yet [s]."""
+LEASE_S = 25.0
+"""A node that was killed is seen for so long at most: DDS's lease, 10 to 20 s [s]."""
 
 
 class Others:
@@ -26,6 +28,11 @@ class Others:
         """Nodes that serve one of the actions, too: one goal would start both."""
         self.publishers: list[str] = []
         """Nodes that command the base, too."""
+
+    @property
+    def sees_namesake(self) -> bool:
+        """Whether one of them has our name: what is left of a killed one, or another instance."""
+        return self._node.get_fully_qualified_name() in self.servers
 
     @property
     def shared_actions(self) -> str | None:

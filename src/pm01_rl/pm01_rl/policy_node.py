@@ -35,7 +35,7 @@ from pm01_rl.emergency_stop import EmergencyStop
 from pm01_rl.goals import Errand, Frames, Outcome, is_place, outcome_of
 from pm01_rl.lidar_mount import LidarMount
 from pm01_rl.markers import markers
-from pm01_rl.others import DISCOVERY_S, Others
+from pm01_rl.others import DISCOVERY_S, LEASE_S, Others
 from pm01_rl.parameters import declare_parameters, read_safety
 from pm01_rl.running import ros
 
@@ -164,6 +164,11 @@ class PolicyNode(LifecycleNode):
             self._watchdog.start()
         self._active = True
         return SUCCESS
+
+    def sees_namesake(self) -> bool:
+        """Tell whether another node of our name serves our actions."""
+        self._others.look()
+        return self._others.sees_namesake
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the robot and listen no longer."""
@@ -389,8 +394,9 @@ def autostarted(node: PolicyNode, executor: SingleThreadedExecutor) -> bool:
     """Configure and activate a node; tell whether that worked."""
     if node.trigger_configure() != SUCCESS:
         return False
-    # Time for others, tf and a first scan to be seen: what is wrong with them is said at once.
-    until = time.monotonic() + DISCOVERY_S
-    while time.monotonic() < until:
+    began = time.monotonic()
+    # Time for others, tf and a first scan to be seen: what is wrong with them is said at once. A
+    # node that is started anew waits until nothing is left of the one before.
+    while time.monotonic() - began < (LEASE_S if node.sees_namesake() else DISCOVERY_S):
         executor.spin_once(timeout_sec=0.05)
     return node.trigger_activate() == SUCCESS
