@@ -37,7 +37,7 @@ limits:                         # what the base does, not what its motors could
 actuator:
   lag_s: 0.1                    # [s] time constant of the answer to a command
 lidar:                          # as in sensor_msgs/LaserScan: `ros2 topic echo /scan --once`
-  num_beams: 720                # the number of ranges; 36 must divide it, or set other sectors
+  num_beams: 720                # the number of ranges
   angle_min: -2.35619           # [rad] beam 0
   angle_max: 2.35619            # [rad] last beam; a full circle does not repeat beam 0
   range_min: 0.05               # [m]
