@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import math
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -17,7 +18,10 @@ from pm01_nav.geometry import is_convex_counter_clockwise
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
-Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]
+FULL_CIRCLE = 2.0 * math.pi
+NEARLY = 1e-3
+"""By so much [rad] a lidar may exceed a full circle, as 3.1416 for pi does; it is then clipped."""
+Angle = Annotated[float, Field(ge=-FULL_CIRCLE - NEARLY, le=FULL_CIRCLE + NEARLY)]
 
 
 class Footprint(FrozenModel):
@@ -109,6 +113,23 @@ class Lidar(FrozenModel):
     """Mounting direction in ``base_link`` [rad]."""
     noise_std: NonNegative = 0.0
     """Standard deviation of a Gaussian error added to each return [m]."""
+    upside_down: bool = False
+    """Whether the sensor hangs upside down: its driver's scan runs clockwise seen from above. All
+    else here is as seen from above; scans of such a robot are mirrored before they are used."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _clip_to_a_full_circle(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        low, high = data.get("angle_min"), data.get("angle_max")
+        if not all(isinstance(angle, int | float) for angle in (low, high)):
+            return data
+        if not FULL_CIRCLE < high - low <= FULL_CIRCLE + NEARLY:
+            return data
+        # From -3.1416 to 3.1416 is from -pi to pi, and from 0 to 6.2832 is from 0 to 2 pi.
+        low = -math.pi if abs(low + math.pi) < NEARLY else low
+        return data | {"angle_min": low, "angle_max": low + FULL_CIRCLE}
 
     @model_validator(mode="after")
     def _is_ordered(self) -> Lidar:
@@ -116,7 +137,7 @@ class Lidar(FrozenModel):
             raise ValueError(f"range_min must be below range_max ({self.range_max})")
         if self.num_beams > 1 and self.angle_max <= self.angle_min:
             raise ValueError(f"angle_max must be above angle_min ({self.angle_min})")
-        if self.angle_max - self.angle_min > 2.0 * np.pi + 1e-6:
+        if self.angle_max - self.angle_min > FULL_CIRCLE + 1e-6:
             raise ValueError("angle_max - angle_min must not exceed a full circle")
         return self
 

@@ -51,8 +51,9 @@ def identify(recording: Recording, robot: RobotSpec) -> Identification:
         known = estimates[name]
         if not (known.low > 0.0 and known.high / known.low < LIKELY_ACCELERATION):
             del estimates[name]
-    estimates |= fit_noise(at_rest(recording.scans, odometry))
-    estimates |= fit_travel(recording.scans, odometry, mount)
+    scans = [s.mirrored() for s in recording.scans] if lidar.upside_down else recording.scans
+    estimates |= fit_noise(at_rest(scans, odometry))
+    estimates |= fit_travel(scans, odometry, mount)
     return Identification(base, estimates)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -33,6 +33,11 @@ class Scan:
     """[m]"""
     ranges: NDArray[np.float32]
     """By REP-117 [m], shape (num_beams,)."""
+
+    def mirrored(self) -> Scan:
+        """Return the scan of a lidar that hangs upside down as seen from above, or back."""
+        last = self.angle_min + self.angle_increment * (len(self.ranges) - 1)
+        return replace(self, angle_min=-last, ranges=self.ranges[::-1])
 
 
 @dataclass(frozen=True)

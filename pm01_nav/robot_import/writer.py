@@ -46,6 +46,7 @@ lidar:                          # as in sensor_msgs/LaserScan: `ros2 topic echo 
   y: 0.0
   yaw: 0.0                      # [rad] its direction in base_link
   noise_std: 0.01               # [m] standard deviation of a range
+  upside_down: false            # true where its scan runs clockwise seen from above
 body:                           # for --backend mujoco and pybullet; the planar simulator has none
   mass: 15.0                    # [kg]
   height: 0.25                  # [m] top of the hull above the floor
