@@ -125,7 +125,15 @@ def parse_xml(path: Path) -> Element:
     Raises:
         InputError: the file cannot be read, is no whole XML, has a DOCTYPE, or is too deep.
     """
-    text = read_text(path)
+    return parse_xml_text(read_text(path), path)
+
+
+def parse_xml_text(text: str, path: Path) -> Element:
+    """Read XML that came from ``path`` and return its root.
+
+    Raises:
+        InputError: it is no whole XML, has a DOCTYPE, or is too deep.
+    """
     try:
         # A document type can define entities that expand to gigabytes; no world needs one.
         # Being text, the file can declare no other encoding.

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -123,7 +125,7 @@ class Lidar(FrozenModel):
         if not isinstance(data, dict):
             return data
         low, high = data.get("angle_min"), data.get("angle_max")
-        if not all(isinstance(angle, int | float) for angle in (low, high)):
+        if not (isinstance(low, int | float) and isinstance(high, int | float)):
             return data
         if not FULL_CIRCLE < high - low <= FULL_CIRCLE + NEARLY:
             return data
@@ -193,6 +195,17 @@ def robot_names() -> list[str]:
     return sorted(name.removesuffix(".yaml") for name in files)
 
 
+@contextmanager
+def robot_path(name_or_path: str | Path) -> Iterator[Path]:
+    """Provide the file of a robot that comes with the package, by name, or one's own path."""
+    text = str(name_or_path)
+    if text in robot_names():
+        with resources.as_file(resources.files("pm01_nav") / "robots" / f"{text}.yaml") as path:
+            yield path
+    else:
+        yield Path(text)
+
+
 def load_robot(name_or_path: str | Path) -> RobotSpec:
     """Load a robot that comes with the package, by name, or one's own, by the path of its YAML.
 
@@ -201,7 +214,7 @@ def load_robot(name_or_path: str | Path) -> RobotSpec:
     """
     text = str(name_or_path)
     if text in robot_names():
-        with resources.as_file(resources.files("pm01_nav") / "robots" / f"{text}.yaml") as path:
+        with robot_path(text) as path:
             return validate(RobotSpec, load_yaml(path), path.name)
     if text.endswith((".yaml", ".yml")):
         return validate(RobotSpec, load_yaml(text), text)
