@@ -48,7 +48,7 @@ class Joint:
     velocity: float | None
     """Fastest motion [rad/s], None where the file says nothing."""
     span: float
-    """From its lower to its upper limit [rad or m]; infinite where there is none."""
+    """From its lower to its upper limit [rad or m]; infinite for a continuous joint."""
 
     @property
     def turns(self) -> bool:
@@ -209,9 +209,11 @@ def _motion(kind: str, axis: FloatArray, by: float) -> Transform:
 
 
 def _span(limit: Element | None, kind: str, where: str) -> float:
-    """Return how far a joint may move; files that mean no limit write 1e16, or forget it."""
-    if limit is None or kind == "continuous":
+    """Return how far a joint may move; files that mean no limit write 1e16."""
+    if kind == "continuous":
         return math.inf
+    if limit is None:
+        return 0.0
     try:
         span = float(limit.get("upper", "0")) - float(limit.get("lower", "0"))
     except ValueError:

@@ -127,14 +127,17 @@ def _is_wheel(urdf: Urdf, joint: Joint) -> bool:
 
 
 def _pairs(urdf: Urdf, turning: Sequence[Joint]) -> list[tuple[Joint, Joint]]:
+    """Return the leftmost and the rightmost joint on each axis."""
     places = {joint.name: urdf.places[joint.child].translation for joint in turning}
-    pairs = []
-    for left in turning:
-        for right in turning:
-            across = places[left.name] - places[right.name]
-            if across[1] > SAME_AXLE and max(abs(across[0]), abs(across[2])) < SAME_AXLE:
-                pairs.append((left, right))
-    return pairs
+    pairs: dict[tuple[str, str], tuple[Joint, Joint]] = {}
+    for joint in turning:
+        off = {other.name: places[other.name] - places[joint.name] for other in turning}
+        along = [o for o in turning if max(abs(off[o.name][[0, 2]])) < SAME_AXLE]
+        left = max(along, key=lambda o: places[o.name][1])
+        right = min(along, key=lambda o: places[o.name][1])
+        if places[left.name][1] - places[right.name][1] > SAME_AXLE:
+            pairs[left.name, right.name] = (left, right)
+    return list(pairs.values())
 
 
 def _axle(urdf: Urdf, wheels: list[Wheel]) -> Axle:
