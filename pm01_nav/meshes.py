@@ -72,6 +72,8 @@ def load_parts(path: str | Path) -> list[Part]:
     except Exception as error:
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(f"{path}: is no whole mesh: {reason}") from error
+    if any(part.triangles.shape[1:] != (3, 3) for part in parts):
+        raise InputError(f"{path}: is no whole mesh: its corners are no points in space")
     if not parts:
         raise InputError(f"{path}: holds no triangles")
     # NaN fails the comparison, too.

@@ -137,6 +137,7 @@ ENTITY = '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hostname">]>'
         ("a.stl", binary(2), "holds no triangles|no whole mesh"),
         ("a.obj", b"v 0 0 0\n", "holds no triangles"),
         ("a.obj", b"v 0 0 0\nf 1 2 3\n", "is no whole mesh: "),
+        ("a.obj", b"v 0\nv 1\nv 2\nf 1 2 3\n", "is no whole mesh: "),
         ("a.obj", b"\nf 1 2 3" * 2_000_001, "has more than 2000000 triangles"),
         ("a.fbx", b"", "allowed meshes: .stl, .obj, .dae"),
         ("none/a.stl", None, "cannot be read: No such file or directory"),

@@ -13,7 +13,7 @@ from pm01_nav.robot_import.urdf import Urdf
 HOLONOMIC = ("mecanum", "planar_move", "planarmove", "force_based_move", "omni_drive", "omnidrive")
 """Words in the names of plugins whose robots drive sideways, too."""
 STEERED = ("ackermann", "tricycle", "bicycle")
-DIFFERENTIAL = (r"diff\w*drive", r"skid_?steer", r"drive_?plugin_?\w*wheel", r"6wd")
+DIFFERENTIAL = (r"diff[\w-]*drive", r"skid[_-]?steer", r"drive_?plugin_?\w*wheel", r"6wd")
 
 # What plugins of several generations of Gazebo call the same thing, without "_", in small letters.
 _TAGS = {

@@ -182,6 +182,7 @@ OMNI, CAR = "an omnidirectional robot", r"a car-like robot \(Ackermann steering\
     [
         ([plugin("libgazebo_ros_planar_move.so")], OMNI),
         ([plugin("gz-sim-mecanum-drive-system")], OMNI),
+        ([plugin("libgazebo_ros_planar_move.so"), plugin("gz-sim-diff-drive-system")], OMNI),
         ([plugin("gz-sim-ackermann-steering-system")], CAR),
         ([FDIR], rf"joint 'l\d': {OMNI} \(mecanum wheels\)"),
         ([steered("knuckle")], rf"{CAR}: joint 'l_knuckle' steers"),
