@@ -49,6 +49,12 @@ class Drive:
                 if kind == "differential":
                     self._read(plugin)
                 return
+        # A controller's kind stands in the name of its file.
+        for element in urdf.root.iter("parameters"):
+            name = (element.text or "").strip().rsplit("/", 1)[-1]
+            self.kind = self.kind or _kind_of(name.lower())
+            if self.kind and not self.where:
+                self.where = f"{urdf.path}: parameters {name[:60]!r}"
 
     def _read(self, plugin: Element) -> None:
         texts: dict[str, list[str]] = {}
@@ -69,13 +75,17 @@ class Drive:
 
 def _kind(plugin: Element) -> str:
     """Tell what drive a plugin makes, by its file or else by its name."""
-    for text in (plugin.get("filename", "").lower(), plugin.get("name", "").lower()):
-        if any(word in text for word in HOLONOMIC):
-            return "holonomic"
-        if any(word in text for word in STEERED):
-            return "steered"
-        if any(re.search(pattern, text) for pattern in DIFFERENTIAL):
-            return "differential"
+    file, name = plugin.get("filename", "").lower(), plugin.get("name", "").lower()
+    return _kind_of(file) or _kind_of(name)
+
+
+def _kind_of(text: str) -> str:
+    if any(word in text for word in HOLONOMIC):
+        return "holonomic"
+    if any(word in text for word in STEERED):
+        return "steered"
+    if any(re.search(pattern, text) for pattern in DIFFERENTIAL):
+        return "differential"
     return ""
 
 

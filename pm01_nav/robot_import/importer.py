@@ -16,6 +16,7 @@ from pm01_nav.robot import RobotSpec, full_circle
 from pm01_nav.robot_import.drive import Drive
 from pm01_nav.robot_import.elements import number
 from pm01_nav.robot_import.lidar import FoundLidar, find_lidar
+from pm01_nav.robot_import.other_drives import has_oblique_friction
 from pm01_nav.robot_import.outline import Outline, find_outline
 from pm01_nav.robot_import.packages import Packages
 from pm01_nav.robot_import.solids import Solids
@@ -205,6 +206,10 @@ def _doubts(urdf: Urdf, drive: Drive, axle: Axle) -> list[str]:
             f"{len(axle.joints)} wheels: taken for one axle in the middle of them; they skid in "
             f"turns, so {axle.separation:g} m between them counts for more: pm01 identify measures "
             "how much"
+        )
+    if has_oblique_friction(urdf, axle.joints):
+        doubts.append(
+            "fdir1 lets the wheels roll askew, as mecanum wheels do: taken for plain ones that skid"
         )
     for key, value in (("radius", axle.radius), ("separation", axle.separation)):
         other = drive.figures.get(key, value)

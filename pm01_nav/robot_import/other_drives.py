@@ -43,7 +43,7 @@ def refuse_other_drives(urdf: Urdf, drive: Drive, wheels: Sequence[Joint]) -> No
 
 
 def _roller(urdf: Urdf, joint: Joint) -> str:
-    """Return the word by which a wheel with rollers is known, or that its friction is oblique."""
+    """Return the word by which a wheel with rollers is known."""
     if joint.kind != "fixed" and not joint.turns:
         return ""
     links = urdf.lump(joint.child)
@@ -52,16 +52,21 @@ def _roller(urdf: Urdf, joint: Joint) -> str:
     for word in ROLLER_WORDS:
         if any(word in name.lower() for name in names):
             return word.split("wheel")[0].rstrip("_-")
-    for gazebo in urdf.root.findall("gazebo"):
-        if gazebo.get("reference") in links:
-            for element in gazebo.iter("fdir1"):
-                if _oblique((element.text or "").split()):
-                    return "mecanum"
     return ""
 
 
+def has_oblique_friction(urdf: Urdf, wheels: Sequence[str]) -> bool:
+    """Tell whether Gazebo lets wheels roll askew, as mecanum wheels do; some only skid so."""
+    links = {link for name in wheels for link in urdf.lump(urdf.joints[name].child)}
+    return any(
+        _oblique((element.text or "").split())
+        for gazebo in urdf.root.findall("gazebo")
+        if gazebo.get("reference") in links
+        for element in gazebo.iter("fdir1")
+    )
+
+
 def _oblique(words: list[str]) -> bool:
-    """Tell whether a direction of friction lies between the axes, as a mecanum wheel's does."""
     try:
         sizes = sorted(abs(float(word)) for word in words)
     except ValueError:

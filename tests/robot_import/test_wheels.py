@@ -184,7 +184,7 @@ OMNI, CAR = "an omnidirectional robot", r"a car-like robot \(Ackermann steering\
         ([plugin("gz-sim-mecanum-drive-system")], OMNI),
         ([plugin("libgazebo_ros_planar_move.so"), plugin("gz-sim-diff-drive-system")], OMNI),
         ([plugin("gz-sim-ackermann-steering-system")], CAR),
-        ([FDIR], rf"joint 'l\d': {OMNI} \(mecanum wheels\)"),
+        (["<gazebo><parameters>/a/mecanum_drive_controller.yaml</parameters></gazebo>"], OMNI),
         ([steered("knuckle")], rf"{CAR}: joint 'l_knuckle' steers"),
         ([steered("steering", "")], rf"{CAR}: joint 'l_steering' steers"),
     ],
@@ -196,6 +196,11 @@ def test_other_drives_are_named(urdf: Write, parts: list[str], message: str) -> 
     assert "--wheels LEFT RIGHT takes it for one" in str(error.value)
     assert "\n" not in str(error.value)
     assert import_urdf(path, wheels=("l1", "r1")).spec.wheels.separation == pytest.approx(0.3)
+
+
+def test_oblique_friction_alone_is_doubted(urdf: Write) -> None:
+    robot_ = import_urdf(urdf(robot(many_wheels(0.1, -0.1), FDIR)))
+    assert any("as mecanum wheels do: taken for plain ones" in w for w in robot_.warnings)
 
 
 def test_mecanum_by_the_names_of_wheels(urdf: Write) -> None:
