@@ -20,6 +20,7 @@ from pm01_nav.geometry import is_convex_counter_clockwise
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
+MAX_BEAMS = 16384
 FULL_CIRCLE = 2.0 * math.pi
 NEARLY = 1e-3
 """By so much [rad] a lidar may exceed a full circle, as 3.1416 for pi does; it is then clipped."""
@@ -99,7 +100,7 @@ class Actuator(FrozenModel):
 class Lidar(FrozenModel):
     """A planar laser scanner, described as in ``sensor_msgs/LaserScan``."""
 
-    num_beams: Annotated[int, Field(ge=1, le=16384)]
+    num_beams: Annotated[int, Field(ge=1, le=MAX_BEAMS)]
     angle_min: Angle
     """Direction of beam 0 in the lidar frame [rad], counter-clockwise from x."""
     angle_max: Angle

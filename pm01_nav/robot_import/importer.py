@@ -81,9 +81,23 @@ def import_urdf(
     axle = find_axle(urdf, drive, solids, wheels, wheel_radius)
     outline = find_outline(urdf, solids, axle, footprint_radius, tuple(without))
     found = find_lidar(urdf, lidar)
+    data, notes = _described(urdf, drive, axle, outline, found)
+    spec = validate(RobotSpec, data, str(path))
+    warnings = [*outline.warnings, *found.warnings, *_doubts(urdf, drive, axle)]
+    return ImportedRobot(
+        spec,
+        {key: printable(note) for key, note in notes.items()},
+        tuple(printable(warning) for warning in warnings),
+    )
+
+
+def _described(
+    urdf: Urdf, drive: Drive, axle: Axle, outline: Outline, found: FoundLidar
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the figures of a ``RobotSpec``, and where they came from by their keys."""
     limits, notes = _limits(drive, axle)
     separation, separation_note = _separation(drive, axle)
-    seen, lidar_notes = _lidar(found, axle)
+    lidar, lidar_notes = _lidar(found, axle)
     body, body_notes = _body(urdf, outline, found, axle)
     notes |= lidar_notes | body_notes
     notes |= {
@@ -97,16 +111,10 @@ def import_urdf(
         "footprint": outline.footprint,
         "wheels": {"radius": _round(axle.radius), "separation": _round(separation)},
         "limits": limits,
-        "lidar": seen,
+        "lidar": lidar,
         "body": body,
     }
-    spec = validate(RobotSpec, data, str(path))
-    warnings = [*outline.warnings, *found.warnings, *_doubts(urdf, drive, axle)]
-    return ImportedRobot(
-        spec,
-        {key: printable(note) for key, note in notes.items()},
-        tuple(printable(warning) for warning in warnings),
-    )
+    return data, notes
 
 
 def robot_name(text: str) -> str:

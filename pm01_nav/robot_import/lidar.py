@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
 from pm01_nav.errors import InputError
+from pm01_nav.robot import MAX_BEAMS
 from pm01_nav.robot_import.elements import LARGEST, numbers, origin_of
 from pm01_nav.robot_import.urdf import Urdf
 from pm01_nav.worlds.sdf_shapes import Transform, read_pose
@@ -150,6 +151,8 @@ def _unfit(urdf: Urdf, link: str, place: Transform, scan: dict[str, float]) -> s
     beams = int(scan.get("samples", LEAST_BEAMS) * scan.get("resolution", 1.0))
     if beams < LEAST_BEAMS:
         return f"a range sensor of {beams} beam{'s' if beams != 1 else ''}"
+    if beams > MAX_BEAMS:
+        return f"{beams} beams, more than {MAX_BEAMS}"
     view = scan.get("max_angle", math.pi) - scan.get("min_angle", 0.0)
     if view < LEAST_VIEW:
         return f"a range sensor that looks {math.degrees(view):.0f} degrees around"

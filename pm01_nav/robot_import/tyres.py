@@ -15,7 +15,7 @@ from pm01_nav.robot_import.urdf import Joint, Urdf, tilt
 
 TILT = 0.05
 """An axle turned by more than this away from y [rad] does not drive along x; 1.57 is no pi / 2."""
-TREAD = 0.98
+CONTACT = 0.98
 """What reaches out this part of a wheel's radius touches the floor."""
 
 
@@ -98,7 +98,7 @@ def _mesh(
             points = np.concatenate(clouds) - origin
             along = points @ axis
             out = np.linalg.norm(points - np.outer(along, axis), axis=1)
-            tread = along[out > TREAD * out.max()]
-            y = origin[1] + 0.5 * (tread.min() + tread.max()) * axis[1]
+            contact = along[out > CONTACT * out.max()]
+            y = origin[1] + 0.5 * (contact.min() + contact.max()) * axis[1]
             return Tyre(float(out.max()), float(y), f"{joint.child}, mesh of its {name}")
     return None
