@@ -99,6 +99,31 @@ def test_dae_applies_unit_and_nodes_but_no_up_axis(tmp_path: Path, unit: str, sc
     assert load_mesh(path).shape == (2, 3, 3)
 
 
+SKIN = """<library_controllers><controller id="c"><skin source="#g"><bind_shape_matrix>1 0 0 0
+0 1 0 0  0 0 1 5  0 0 0 1</bind_shape_matrix><source id="j"><Name_array id="ja" count="1">a
+</Name_array><technique_common><accessor source="#ja" count="1" stride="1"><param name="JOINT"
+type="name"/></accessor></technique_common></source><source id="b"><float_array id="ba" count="16">
+1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</float_array><technique_common><accessor source="#ba" count="1"
+stride="16"><param name="TRANSFORM" type="float4x4"/></accessor></technique_common></source>
+<source id="w"><float_array id="wa" count="1">1</float_array><technique_common><accessor
+source="#wa" count="1" stride="1"><param name="WEIGHT" type="float"/></accessor></technique_common>
+</source><joints><input semantic="JOINT" source="#j"/>
+<input semantic="INV_BIND_MATRIX" source="#b"/>
+</joints><vertex_weights count="4"><input semantic="JOINT" source="#j" offset="0"/><input
+semantic="WEIGHT" source="#w" offset="1"/><vcount>1 1 1 1</vcount><v>0 0 0 0 0 0 0 0</v>
+</vertex_weights></skin></controller></library_controllers>"""
+
+
+def test_dae_with_a_skin_stands_as_it_is_bound(tmp_path: Path) -> None:
+    path = tmp_path / "a.dae"
+    body = '<node name="body"><instance_controller url="#c"/></node>'
+    path.write_text(dae(nodes=SKIN, more=body))
+    _, part = load_parts(path)
+    assert part.name == "body"
+    # The plate at z = 0, lifted by the bind shape.
+    assert part.triangles[..., 2].ravel().tolist() == [5.0] * 6
+
+
 def doubling(levels: int) -> str:
     """Nodes that hold the one before twice: 2**levels in all."""
     inner = '<node id="n0"><instance_geometry url="#g"/></node>'
