@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -19,7 +21,11 @@ from pm01_nav.readings import ZeroMeans
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
-Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]
+MAX_BEAMS = 16384
+FULL_CIRCLE = 2.0 * math.pi
+NEARLY = 1e-3
+"""By so much [rad] a lidar may exceed a full circle, as 3.1416 for pi does; it is then clipped."""
+Angle = Annotated[float, Field(ge=-FULL_CIRCLE - NEARLY, le=FULL_CIRCLE + NEARLY)]
 
 
 class Footprint(FrozenModel):
@@ -95,7 +101,7 @@ class Actuator(FrozenModel):
 class Lidar(FrozenModel):
     """A planar laser scanner, described as in ``sensor_msgs/LaserScan``."""
 
-    num_beams: Annotated[int, Field(ge=1, le=16384)]
+    num_beams: Annotated[int, Field(ge=1, le=MAX_BEAMS)]
     angle_min: Angle
     """Direction of beam 0 in the lidar frame [rad], counter-clockwise from x."""
     angle_max: Angle
@@ -113,6 +119,23 @@ class Lidar(FrozenModel):
     """Mounting direction in ``base_link`` [rad]."""
     noise_std: NonNegative = 0.0
     """Standard deviation of a Gaussian error added to each return [m]."""
+    upside_down: bool = False
+    """Whether the sensor hangs upside down: its driver's scan runs clockwise seen from above. All
+    else here is as seen from above; scans of such a robot are mirrored before they are used."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _clip_to_a_full_circle(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        low, high = data.get("angle_min"), data.get("angle_max")
+        if not (isinstance(low, int | float) and isinstance(high, int | float)):
+            return data
+        if not FULL_CIRCLE < high - low <= FULL_CIRCLE + NEARLY:
+            return data
+        # From -3.1416 to 3.1416 is from -pi to pi, and from 0 to 6.2832 is from 0 to 2 pi.
+        low = -math.pi if abs(low + math.pi) < NEARLY else low
+        return data | {"angle_min": low, "angle_max": low + FULL_CIRCLE}
 
     @model_validator(mode="after")
     def _is_ordered(self) -> Lidar:
@@ -120,7 +143,7 @@ class Lidar(FrozenModel):
             raise ValueError(f"range_min must be below range_max ({self.range_max})")
         if self.num_beams > 1 and self.angle_max <= self.angle_min:
             raise ValueError(f"angle_max must be above angle_min ({self.angle_min})")
-        if self.angle_max - self.angle_min > 2.0 * np.pi + 1e-6:
+        if self.angle_max - self.angle_min > FULL_CIRCLE + 1e-6:
             raise ValueError("angle_max - angle_min must not exceed a full circle")
         return self
 
@@ -176,6 +199,17 @@ def robot_names() -> list[str]:
     return sorted(name.removesuffix(".yaml") for name in files)
 
 
+@contextmanager
+def robot_path(name_or_path: str | Path) -> Iterator[Path]:
+    """Provide the file of a robot that comes with the package, by name, or one's own path."""
+    text = str(name_or_path)
+    if text in robot_names():
+        with resources.as_file(resources.files("pm01_nav") / "robots" / f"{text}.yaml") as path:
+            yield path
+    else:
+        yield Path(text)
+
+
 def load_robot(name_or_path: str | Path) -> RobotSpec:
     """Load a robot that comes with the package, by name, or one's own, by the path of its YAML.
 
@@ -184,7 +218,7 @@ def load_robot(name_or_path: str | Path) -> RobotSpec:
     """
     text = str(name_or_path)
     if text in robot_names():
-        with resources.as_file(resources.files("pm01_nav") / "robots" / f"{text}.yaml") as path:
+        with robot_path(text) as path:
             return validate(RobotSpec, load_yaml(path), path.name)
     if text.endswith((".yaml", ".yml")):
         return validate(RobotSpec, load_yaml(text), text)

@@ -64,6 +64,28 @@ def test_full_circle_does_not_repeat_a_beam() -> None:
     assert change(lidar=full_circle(1)).lidar.angles == pytest.approx([-np.pi])
 
 
+@pytest.mark.parametrize(
+    ("angle_min", "angle_max", "clipped"),
+    [
+        (-3.1416, 3.1416, (-np.pi, np.pi)),
+        (-3.142, 3.142, (-np.pi, np.pi)),  # 8.1e-4 rad too much
+        (0.0, 6.2832, (0.0, 2 * np.pi)),
+        (0, 6.284, (0.0, 2 * np.pi)),
+        (-3.14159, 3.14159, (-3.14159, 3.14159)),  # Nothing to clip.
+    ],
+)
+def test_pi_with_few_digits(angle_min: float, angle_max: float, clipped) -> None:
+    lidar = change(lidar={"angle_min": angle_min, "angle_max": angle_max}).lidar
+    assert (lidar.angle_min, lidar.angle_max) == pytest.approx(clipped, abs=1e-12)
+    assert change(lidar=lidar.model_dump()).lidar == lidar
+
+
+def test_more_than_a_full_circle_is_refused() -> None:
+    # 6.2852 - 2 pi = 2.0e-3
+    with pytest.raises(InputError, match="lidar: angle_max - angle_min must not exceed a full"):
+        change(lidar={"angle_min": -3.1426, "angle_max": 3.1426})
+
+
 def test_own_robot_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump(change(name="mine").model_dump(mode="json")))

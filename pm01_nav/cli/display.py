@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -194,52 +195,86 @@ def benchmark_table(summaries: list[dict[str, Any]]) -> Table:
     return table
 
 
-def robot_table(robot: RobotSpec) -> Table:
-    """Return a robot's figures, one a row."""
+def robot_table(robot: RobotSpec, notes: Mapping[str, str]) -> Table:
+    """Return a robot's figures, one a row, and by ``notes`` where they came from."""
     table = Table(title=escape(robot.description or robot.name), show_header=False)
-    table.add_column(justify="left")
-    table.add_column(justify="left")
-    for group in _robot_rows(robot).values():
-        for label, text in group.items():
-            table.add_row(label, text)
+    for _ in range(3 if notes else 2):
+        table.add_column(justify="left")
+    for group in _robot_rows(robot):
+        for label, (text, *keys) in group.items():
+            found = dict.fromkeys(notes[key] for key in keys if key in notes)
+            table.add_row(label, text, *([escape("; ".join(found))] if notes else []))
         table.add_section()
     return table
 
 
-def _robot_rows(robot: RobotSpec) -> dict[str, dict[str, str]]:
+MOST_CORNERS = 8
+"""A polygon of more is shown by its extent."""
+Rows = dict[str, tuple[str, ...]]
+"""By its label a figure's text, and then the keys that it comes from."""
+
+
+def _robot_rows(robot: RobotSpec) -> tuple[Rows, Rows, Rows]:
+    return _body_rows(robot), _limit_rows(robot), _lidar_rows(robot)
+
+
+def _body_rows(robot: RobotSpec) -> Rows:
     from pm01_nav.backends.body import body_model
 
-    footprint, limits, lidar = robot.footprint, robot.limits, robot.lidar
-    corners = ", ".join(f"({x:g}, {y:g})" for x, y in footprint.vertices)
-    opening = f"{math.degrees(lidar.angle_min):.1f} to {math.degrees(lidar.angle_max):.1f} deg"
-    step = math.degrees(lidar.angle_increment)
-    turned = f", turned by {math.degrees(lidar.yaw):.1f} deg" if lidar.yaw else ""
+    footprint = robot.footprint
+    outline = f"circle of {footprint.radius:g} m"
+    if footprint.vertices:
+        corners = ", ".join(f"({x:g}, {y:g})" for x, y in footprint.vertices)
+        outline = f"polygon of {corners} m"
+    if len(footprint.vertices) > MOST_CORNERS:
+        x, y = zip(*footprint.vertices, strict=True)
+        outline = (
+            f"polygon of {len(x)} corners, x {min(x):g} to {max(x):g} m, "
+            f"y {min(y):g} to {max(y):g} m"
+        )
+    reach = f"{footprint.inscribed_radius:.3f} m, {footprint.circumscribed_radius:.3f} m"
     return {
-        "body": {
-            "name": robot.name,
-            "footprint": f"polygon of {corners} m"
-            if corners
-            else f"circle of {footprint.radius:g} m",
-            "reaches, at least and at most": f"{footprint.inscribed_radius:.3f} m, "
-            f"{footprint.circumscribed_radius:.3f} m",
-            "wheel radius": f"{robot.wheels.radius:g} m",
-            "wheel separation": f"{robot.wheels.separation:g} m",
-            "mass, in physics engines": f"{body_model(robot).mass:.4g} kg",
-        },
-        "limits": {
-            "speed": f"{limits.linear_min:g} to {limits.linear_max:g} m/s",
-            "turn rate": f"{limits.angular_max:g} rad/s",
-            "acceleration": f"{limits.linear_acceleration:g} m/s^2",
-            "angular acceleration": f"{limits.angular_acceleration:g} rad/s^2",
-            "lag of the base": f"{robot.actuator.lag_s:g} s",
-        },
-        "lidar": {
-            "beams": f"{lidar.num_beams}, {opening}, every {step:.3g} deg",
-            "range": f"{lidar.range_min:g} to {lidar.range_max:g} m",
-            "a range of 0": lidar.zero_means.replace("_", " "),
-            "place in base_link": f"({lidar.x:g}, {lidar.y:g}) m{turned}",
-            "noise": f"{lidar.noise_std:g} m",
-        },
+        "name": (robot.name,),
+        "footprint": (outline, "footprint"),
+        "reaches, at least and at most": (reach,),
+        "wheel radius": (f"{robot.wheels.radius:g} m", "wheels.radius"),
+        "wheel separation": (f"{robot.wheels.separation:g} m", "wheels.separation"),
+        "mass, in physics engines": (f"{body_model(robot).mass:.4g} kg", "body.mass"),
+        "height, likewise": (f"{robot.body.height:g} m", "body.height"),
+    }
+
+
+def _limit_rows(robot: RobotSpec) -> Rows:
+    limits = robot.limits
+    speed = f"{limits.linear_min:g} to {limits.linear_max:g} m/s"
+    turning = f"{limits.angular_acceleration:g} rad/s^2"
+    return {
+        "speed": (speed, "limits.linear_max", "limits.linear_min"),
+        "turn rate": (f"{limits.angular_max:g} rad/s", "limits.angular_max"),
+        "acceleration": (f"{limits.linear_acceleration:g} m/s^2", "limits.linear_acceleration"),
+        "angular acceleration": (turning, "limits.angular_acceleration"),
+        "lag of the base": (f"{robot.actuator.lag_s:g} s", "actuator.lag_s"),
+    }
+
+
+def _lidar_rows(robot: RobotSpec) -> Rows:
+    lidar = robot.lidar
+    opening = f"{math.degrees(lidar.angle_min):.1f} to {math.degrees(lidar.angle_max):.1f} deg"
+    beams = f"{lidar.num_beams}, {opening}, every {math.degrees(lidar.angle_increment):.3g} deg"
+    turned = f", turned by {math.degrees(lidar.yaw):.1f} deg" if lidar.yaw else ""
+    place = f"({lidar.x:g}, {lidar.y:g}) m{turned}{', upside down' if lidar.upside_down else ''}"
+    keys = ("num_beams", "angle_min", "angle_max")
+    return {
+        "beams": (beams, *(f"lidar.{key}" for key in keys)),
+        "range": (
+            f"{lidar.range_min:g} to {lidar.range_max:g} m",
+            "lidar.range_min",
+            "lidar.range_max",
+        ),
+        "a range of 0": (lidar.zero_means.replace("_", " "), "lidar.zero_means"),
+        "place in base_link": (place, "lidar.x", "lidar.y", "lidar.yaw", "lidar.upside_down"),
+        "height above the floor": (f"{robot.body.lidar_height:g} m", "body.lidar_height"),
+        "noise": (f"{lidar.noise_std:g} m", "lidar.noise_std"),
     }
 
 

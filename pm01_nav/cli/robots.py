@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 
@@ -13,7 +15,7 @@ def command() -> None:
     \b
       pm01 robots show turtlebot3_burger -o burger.png
       pm01 robots new my_robot.yaml
-      pm01 robots import my_robot.urdf -o my_robot.yaml
+      pm01 robots import my_robot.urdf.xacro -o my_robot.yaml
       pm01 evaluate goal_seeking --task empty --robot my_robot.yaml
     """
 
@@ -24,16 +26,24 @@ def command() -> None:
 def show(robot: str, output: str | None) -> None:
     """Print what a robot is: one by name (pm01, jackal, ...) or its YAML.
 
+    Behind each figure stands the comment of its line, which says where it came from, and below the
+    table the comment at the head of the file, which says what an import left out.
+
     The picture shows it from above, x to the right: outline, wheels, and the lidar's beams from
     where it begins to see, beam 0 thick.
     """
     from rich.console import Console
 
     from pm01_nav.cli.display import robot_table
-    from pm01_nav.robot import load_robot
+    from pm01_nav.robot import load_robot, robot_path
+    from pm01_nav.robot_import import read_notes
 
     spec = load_robot(robot)
-    Console().print(robot_table(spec))
+    with robot_path(robot) as path:
+        notes = read_notes(path)
+    Console().print(robot_table(spec, notes.by_key))
+    for line in notes.head:
+        click.echo(line)
     if output is not None:
         from pm01_nav.rendering.robot_sheet import draw_robot
         from pm01_nav.rendering.sheet import save_sheet
@@ -60,7 +70,8 @@ def new(file: str, force: bool) -> None:
 
 
 @command.command("import")
-@click.argument("file", metavar="FILE.urdf")
+@click.argument("file", metavar="FILE.urdf|FILE.xacro")
+@click.argument("arguments", nargs=-1, metavar="[NAME:=VALUE]...")
 @click.option("-o", "--output", required=True, metavar="FILE", help="The .yaml to write.")
 @click.option(
     "--wheels",
@@ -72,7 +83,7 @@ def new(file: str, force: bool) -> None:
     "--wheel-radius",
     type=click.FloatRange(0.0, min_open=True),
     metavar="METRES",
-    help="Where wheels are meshes.",
+    help="Where no shape or readable mesh tells it.",
 )
 @click.option(
     "--footprint-radius",
@@ -80,26 +91,46 @@ def new(file: str, force: bool) -> None:
     metavar="METRES",
     help="A circle in place of the outline of the shapes.",
 )
+@click.option(
+    "--without",
+    multiple=True,
+    metavar="LINK",
+    help="Leave a link, an arm say, and all that it carries out of the footprint; may be repeated.",
+)
+@click.option("--lidar", metavar="NAME", help="The sensor or the link that is the lidar.")
+@click.option(
+    "--packages",
+    multiple=True,
+    metavar="DIR",
+    help="Where ROS packages lie, for package:// and $(find ...); may be repeated.",
+)
 @force_option
 def import_(
-    file: str,
-    output: str,
-    wheels: tuple[str, str] | None,
-    wheel_radius: float | None,
-    footprint_radius: float | None,
-    force: bool,
+    file: str, arguments: tuple[str, ...], output: str, force: bool, **options: Any
 ) -> None:
     """Make a robot's YAML from the URDF of a differential-drive robot.
 
-    Macros must be expanded: `xacro robot.urdf.xacro > robot.urdf`. Each figure gets a comment that
-    says where it came from; check those marked as defaults. Meshes are not read.
+    A xacro file is expanded, with NAME:=VALUE as its arguments, if xacro is installed. Each figure
+    gets a comment that says where it came from; check those marked as defaults. What was left out
+    stands at the head.
     """
     from pm01_nav.robot_import import import_urdf, robot_text, write_robot
 
-    robot = import_urdf(
-        file, wheels=wheels, wheel_radius=wheel_radius, footprint_radius=footprint_radius
-    )
+    robot = import_urdf(file, arguments=_arguments(arguments), **options)
     for warning in robot.warnings:
         click.echo(f"warning: {warning}", err=True)
-    write_robot(output, robot_text(robot.spec, robot.notes), force=force)
+    head = "\n".join(robot.warnings)
+    write_robot(output, robot_text(robot.spec, robot.notes, head), force=force)
     click.echo(f"wrote {output}")
+
+
+def _arguments(given: tuple[str, ...]) -> dict[str, str]:
+    from pm01_nav.errors import InputError
+
+    found = {}
+    for text in given:
+        name, sign, value = text.partition(":=")
+        if not sign or not name:
+            raise InputError(f"{text}: a xacro file's arguments are given as NAME:=VALUE")
+        found[name] = value
+    return found

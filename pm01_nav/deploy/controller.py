@@ -110,6 +110,8 @@ class Controller:
 
     def see_scan(self, scan: Scan, now: float) -> None:
         """Take in a scan that arrived at ``now`` [s]."""
+        if self.robot.lidar.upside_down:
+            scan = scan.mirrored()
         if self.supervisor.see_scan(scan, now):
             self._scan = scan
 

@@ -53,6 +53,8 @@ def identify(recording: Recording, robot: RobotSpec) -> Identification:
         if not (known.low > 0.0 and known.high / known.low < LIKELY_ACCELERATION):
             del estimates[name]
     scans = [by_rep_117(scan, lidar.zero_means) for scan in recording.scans]
+    if lidar.upside_down:
+        scans = [scan.mirrored() for scan in scans]
     estimates |= fit_noise(at_rest(scans, odometry))
     estimates |= fit_travel(scans, odometry, mount)
     return Identification(base, estimates)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -35,6 +35,11 @@ class Scan:
     """As the driver sends them [m], shape (num_beams,)."""
     frame_id: str = ""
     """The lidar's frame; empty if unknown."""
+
+    def mirrored(self) -> Scan:
+        """Return the scan of a lidar that hangs upside down as seen from above, or back."""
+        last = self.angle_min + self.angle_increment * (len(self.ranges) - 1)
+        return replace(self, angle_min=-last, ranges=self.ranges[::-1])
 
 
 @dataclass(frozen=True)

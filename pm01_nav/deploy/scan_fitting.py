@@ -17,6 +17,7 @@ from pm01_nav.task.observation import (
     ScanGeometry,
     discard_invalid,
     pool_sectors,
+    sector_begins,
 )
 
 FloatArray = NDArray[np.float64]
@@ -119,8 +120,8 @@ def sector_lines(
     scan = layout.scan
     nearest = pool_sectors(discard_invalid(ranges, scan), layout.sectors)
     shown = np.clip(nearest, scan.range_min, scan.range_max)
-    per_sector = scan.num_beams // len(shown)
-    middle = per_sector * np.arange(len(shown)) + 0.5 * (per_sector - 1)
+    begins = np.array(sector_begins(scan.num_beams, len(shown)))
+    middle = 0.5 * (begins[:-1] + begins[1:] - 1)
     angle = scan.angle_min + scan.angle_increment * middle
     ends = np.stack([shown * np.cos(angle), shown * np.sin(angle)], axis=-1)
     return to_world(np.stack([np.zeros_like(ends), ends], axis=1), mount)

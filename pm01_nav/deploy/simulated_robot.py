@@ -105,7 +105,7 @@ class SimulatedRobot:
     def scan(self) -> Scan:
         """Return what the lidar sees now."""
         lidar = self.robot.lidar
-        return Scan(
+        scan = Scan(
             self.time,
             lidar.angle_min,
             lidar.angle_increment,
@@ -113,6 +113,7 @@ class SimulatedRobot:
             lidar.range_max,
             self._simulator.scan[0],
         )
+        return scan.mirrored() if lidar.upside_down else scan
 
     def odometry(self) -> Odometry:
         """Return where the robot believes to be, in a frame that begins as the world's."""

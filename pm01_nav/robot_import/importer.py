@@ -3,16 +3,24 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pm01_nav.config import validate
+from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec, full_circle
-from pm01_nav.robot_import.gazebo import Drive, find_lidar
-from pm01_nav.robot_import.outline import find_outline
-from pm01_nav.robot_import.urdf import Urdf, number, read_urdf
+from pm01_nav.robot_import.drive import Drive
+from pm01_nav.robot_import.elements import number
+from pm01_nav.robot_import.lidar import FoundLidar, find_lidar
+from pm01_nav.robot_import.other_drives import has_oblique_friction
+from pm01_nav.robot_import.outline import Outline, find_outline
+from pm01_nav.robot_import.packages import Packages
+from pm01_nav.robot_import.solids import Solids
+from pm01_nav.robot_import.urdf import Urdf, read_urdf
 from pm01_nav.robot_import.wheels import Axle, find_axle
 
 LIMITS: dict[str, float] = {
@@ -54,44 +62,64 @@ def import_urdf(
     wheels: tuple[str, str] | None = None,
     wheel_radius: float | None = None,
     footprint_radius: float | None = None,
+    without: Sequence[str] = (),
+    lidar: str | None = None,
+    packages: Sequence[str | Path] = (),
+    arguments: Mapping[str, str] | None = None,
 ) -> ImportedRobot:
-    """Read a differential-drive robot from a URDF, macros expanded.
+    """Read a differential-drive robot from a URDF or a xacro file with its ``arguments``.
 
-    ``wheels`` names the joints of the driven wheels. The frame of the result lies in the middle
-    of the axle, about which such a robot turns.
+    ``wheels`` names the joints of the driven wheels, ``lidar`` a sensor or a link, ``without``
+    links that the footprint leaves out with all that they carry, ``packages`` folders in which
+    ROS packages lie. The frame of the result lies in the middle of the axle, about which such a
+    robot turns.
 
     Raises:
         InputError: the file is no URDF of such a robot, or does not say enough.
     """
-    urdf = read_urdf(path)
+    path = Path(path)
+    if wheel_radius is not None and not 0.0 < wheel_radius < math.inf:
+        raise InputError(f"wheels.radius = {wheel_radius}: must be above 0 m")
+    folders = Packages(path, packages)
+    urdf, solids = read_urdf(path, folders, arguments or {}), Solids(folders)
     drive = Drive(urdf)
-    axle = find_axle(urdf, drive, wheels, wheel_radius)
-    footprint, outline, warnings = find_outline(urdf, (axle.x, axle.y), footprint_radius)
-    limits, notes = _limits(drive, axle)
-    lidar, lidar_notes, lidar_warnings = _lidar(urdf, axle)
-    notes |= lidar_notes | {
-        "footprint": outline,
-        "wheels.radius": axle.source,
-        "wheels.separation": f"between {' and '.join(axle.joints)}",
-    }
-    body, body_notes = _body(urdf)
-    notes |= body_notes
-    data = {
-        "name": robot_name(urdf.name or urdf.path.stem),
-        "description": f"imported from {printable(urdf.path.name)}",
-        "footprint": footprint,
-        "wheels": {"radius": _round(axle.radius), "separation": _round(axle.separation)},
-        "limits": limits,
-        "lidar": lidar,
-        "body": body,
-    }
+    axle = find_axle(urdf, drive, solids, wheels, wheel_radius)
+    outline = find_outline(urdf, solids, axle, footprint_radius, tuple(without))
+    found = find_lidar(urdf, lidar)
+    data, notes = _described(urdf, drive, axle, outline, found)
     spec = validate(RobotSpec, data, str(path))
-    warnings = [*warnings, *lidar_warnings, *_doubts(drive, axle)]
+    warnings = [*outline.warnings, *found.warnings, *_doubts(urdf, drive, axle)]
     return ImportedRobot(
         spec,
         {key: printable(note) for key, note in notes.items()},
         tuple(printable(warning) for warning in warnings),
     )
+
+
+def _described(
+    urdf: Urdf, drive: Drive, axle: Axle, outline: Outline, found: FoundLidar
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the figures of a ``RobotSpec``, and where they came from by their keys."""
+    limits, notes = _limits(drive, axle)
+    separation, separation_note = _separation(drive, axle)
+    lidar, lidar_notes = _lidar(found, axle)
+    body, body_notes = _body(urdf, outline, found, axle)
+    notes |= lidar_notes | body_notes
+    notes |= {
+        "footprint": outline.source,
+        "wheels.radius": axle.source,
+        "wheels.separation": separation_note,
+    }
+    data = {
+        "name": robot_name(urdf.name or urdf.path.stem),
+        "description": f"imported from {printable(urdf.path.name)}",
+        "footprint": outline.footprint,
+        "wheels": {"radius": _round(axle.radius), "separation": _round(separation)},
+        "limits": limits,
+        "lidar": lidar,
+        "body": body,
+    }
+    return data, notes
 
 
 def robot_name(text: str) -> str:
@@ -134,42 +162,73 @@ def _limits(drive: Drive, axle: Axle) -> tuple[dict[str, float], dict[str, str]]
     return limits, notes
 
 
-def _lidar(urdf: Urdf, axle: Axle) -> tuple[dict[str, Any], dict[str, str], list[str]]:
-    found, source, warnings = find_lidar(urdf)
-    figures: dict[str, Any] = {**LIDAR, "x": 0.0, "y": 0.0, "yaw": 0.0, "noise_std": 0.0, **found}
-    # Beams and their directions belong together.
-    if "num_beams" in found:
-        figures |= {key: found[key] for key in ("angle_min", "angle_max") if key in found}
-    notes = {f"lidar.{key}": source if key in found else DEFAULT for key in figures}
-    if "x" in found:
+def _separation(drive: Drive, axle: Axle) -> tuple[float, str]:
+    """Return how far apart the wheels are, or count for where they skid."""
+    if axle.skids and drive.figures.get("separation", 0.0) > 0.0:
+        return drive.figures["separation"], "plugin of the drive, which is to allow for skidding"
+    return axle.separation, f"between {' and '.join(axle.joints)}"
+
+
+def _lidar(found: FoundLidar, axle: Axle) -> tuple[dict[str, Any], dict[str, str]]:
+    figures: dict[str, Any] = {**LIDAR, "x": 0.0, "y": 0.0, "yaw": 0.0, "noise_std": 0.0}
+    figures |= {"upside_down": False} | found.figures
+    notes = {f"lidar.{key}": found.source if key in found.figures else DEFAULT for key in figures}
+    if "x" in found.figures:
         figures["x"] -= axle.x
         figures["y"] -= axle.y
-    else:
-        warnings = [*warnings, "no lidar found: its place and figures are defaults"]
+    if figures["upside_down"]:
+        # Seen from above its beams run the other way round.
+        figures["angle_min"], figures["angle_max"] = -figures["angle_max"], -figures["angle_min"]
+    for key, note in (("x", found.source), ("upside_down", found.source)):
+        notes[f"lidar.{key}"] = note or DEFAULT
+    if not figures["upside_down"]:
+        notes.pop("lidar.upside_down")
     rounded = {k: _round(v) if isinstance(v, float) else v for k, v in figures.items()}
-    return rounded, notes, warnings
+    return rounded, notes
 
 
-def _body(urdf: Urdf) -> tuple[dict[str, float | None], dict[str, str]]:
-    """Return the body for physics engines; its heights are left to who knows the robot."""
+def _body(
+    urdf: Urdf, outline: Outline, found: FoundLidar, axle: Axle
+) -> tuple[dict[str, float | None], dict[str, str]]:
+    """Return the body for physics engines."""
     masses = urdf.root.findall("link/inertial/mass")
     total = sum(number(mass, "value", f"{urdf.path}: mass") for mass in masses)
-    notes = {key: f"for physics engines; {DEFAULT}" for key in ("body.height", "body.lidar_height")}
-    notes["body.mass"] = "all links together" if total > 0.0 else DEFAULT
-    return {"mass": _round(total) if total > 0.0 else None}, notes
+    body: dict[str, float | None] = {"mass": _round(total) if total > 0.0 else None}
+    notes = {"body.mass": "all links together" if total > 0.0 else DEFAULT}
+    lidar_height = None if found.height is None else found.height - axle.floor
+    for key, value, source in (
+        ("height", outline.height, "highest point of the shapes above the floor"),
+        ("lidar_height", lidar_height, f"{found.source}, above the floor"),
+    ):
+        if value is not None and value > 0.0:
+            body[key], notes[f"body.{key}"] = _round(value), source
+        else:
+            notes[f"body.{key}"] = f"for physics engines; {DEFAULT}"
+    return body, notes
 
 
-def _doubts(drive: Drive, axle: Axle) -> list[str]:
+def _doubts(urdf: Urdf, drive: Drive, axle: Axle) -> list[str]:
     doubts = []
     if max(abs(axle.x), abs(axle.y)) > SHIFTED:
         doubts.append(
             f"the middle of the axle lies at ({axle.x:g}, {axle.y:g}) m in base_link: "
             "all figures are seen from it"
         )
-    if len(axle.joints) > 2:
-        doubts.append(f"{len(axle.joints)} wheels: taken for one axle in the middle of them")
+    if axle.skids:
+        doubts.append(
+            f"{len(axle.joints)} wheels: taken for one axle in the middle of them; they skid in "
+            f"turns, so {axle.separation:g} m between them counts for more: pm01 identify measures "
+            "how much"
+        )
+    if has_oblique_friction(urdf, axle.joints):
+        doubts.append(
+            "fdir1 lets the wheels roll askew, as mecanum wheels do: taken for plain ones that skid"
+        )
     for key, value in (("radius", axle.radius), ("separation", axle.separation)):
         other = drive.figures.get(key, value)
         if abs(other - value) > DISAGREEMENT * value:
             doubts.append(f"wheels.{key}: {value:g} m by the shapes, {other:g} m by the plugin")
+    if urdf.massless:
+        listed = ", ".join(repr(link[:60]) for link in urdf.massless[:8])
+        doubts.append(f"links that move without mass, which Gazebo drops: {listed}")
     return doubts

@@ -4,46 +4,38 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pm01_nav.documents import parse_xml
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.sdf_shapes import IDENTITY, Transform, from_euler
+from pm01_nav.robot_import.elements import Solid, number, numbers, origin_of, read_solids
+from pm01_nav.robot_import.expansion import expand, has_macros
+from pm01_nav.robot_import.packages import Packages
+from pm01_nav.worlds.sdf_shapes import IDENTITY, Transform
 
 FloatArray = NDArray[np.float64]
 
-LARGEST = 1e4
-"""Larger numbers are refused: no robot is ten kilometres long."""
 MOST = {"link": 2000, "joint": 2000, "link/collision": 5000, "link/visual": 5000}
 """More are refused: what is a robot has a tenth of them, and some steps take their square."""
 JOINT_TYPES = ("fixed", "continuous", "revolute", "prismatic", "floating", "planar")
 BASE = "base_link"
 MOMENTS = ("ixx", "iyy", "izz")
-
-
-@dataclass(frozen=True)
-class Solid:
-    """A box, cylinder, sphere or mesh of a link."""
-
-    link: str
-    kind: str
-    size: tuple[float, ...]
-    """Sides of a box, radius and length of a cylinder, radius of a sphere [m]; () for a mesh."""
-    pose: Transform
-    """In the robot's frame, all joints at zero."""
-    mesh: str = ""
-    """File name of a mesh."""
+TURN = 6.2
+"""A revolute joint that may turn by more than this [rad] is as good as a continuous one."""
+VERTICAL = 0.7
+"""An axis whose z is more than this is rather a hinge than an axle."""
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint, all others at zero."""
+    """A joint at zero; one that mimics another at its offset."""
 
     name: str
     kind: str
@@ -55,6 +47,13 @@ class Joint:
     """In its own frame, unit length, shape (3,)."""
     velocity: float | None
     """Fastest motion [rad/s], None where the file says nothing."""
+    span: float
+    """From its lower to its upper limit [rad or m]; infinite for a continuous joint."""
+
+    @property
+    def turns(self) -> bool:
+        """Tell whether it turns without end, as a wheel must: some write limits far away."""
+        return self.kind == "continuous" or (self.kind == "revolute" and self.span > TURN)
 
 
 @dataclass(frozen=True)
@@ -69,6 +68,38 @@ class Urdf:
     """Of each link in the robot's frame."""
     collisions: tuple[Solid, ...]
     visuals: tuple[Solid, ...]
+    massless: tuple[str, ...]
+    """Links that move and have no mass or moment of inertia."""
+
+    def axis(self, joint: Joint) -> FloatArray:
+        """Return a joint's axis in the robot's frame, shape (3,)."""
+        return self.places[joint.child].rotation @ joint.axis
+
+    def is_hinge(self, joint: Joint) -> bool:
+        """Tell whether a joint turns about a vertical axis."""
+        turning = joint.kind in ("continuous", "revolute")
+        return turning and abs(float(self.axis(joint)[2])) > VERTICAL
+
+    def above(self, link: str) -> list[Joint]:
+        """Return the joints that carry a link, from itself up to the root."""
+        moved = {joint.child: joint for joint in self.joints.values()}
+        chain = []
+        while link in moved:
+            chain.append(moved[link])
+            link = moved[link].parent
+        return chain
+
+    def below(self, link: str) -> set[str]:
+        """Name a link and all that it carries."""
+        children: dict[str, list[str]] = {}
+        for joint in self.joints.values():
+            children.setdefault(joint.parent, []).append(joint.child)
+        found, fresh = {link}, [link]
+        while fresh:
+            inside = children.get(fresh.pop(), [])
+            found.update(inside)
+            fresh.extend(inside)
+        return found
 
     def lump(self, link: str) -> set[str]:
         """Name the links that are fixed to ``link``, it among them, without those above it."""
@@ -82,16 +113,18 @@ class Urdf:
         return lump
 
 
-def read_urdf(path: str | Path) -> Urdf:
-    """Read a URDF.
+def read_urdf(path: Path, packages: Packages, arguments: Mapping[str, str]) -> Urdf:
+    """Read a URDF, or a xacro file with its ``arguments``.
 
     Raises:
-        InputError: it is no whole XML, has unexpanded macros, links that do not hang together,
-            or numbers that cannot be.
+        InputError: it is no whole XML, has macros that cannot be expanded, links that do not hang
+            together, or numbers that cannot be.
     """
-    path = Path(path)
     root = parse_xml(path)
-    _refuse_other_files(root, path)
+    if root.tag == "robot" and has_macros(root):
+        root = expand(path, packages, arguments)
+    if root.tag != "robot":
+        raise InputError(f"{path}: its outermost element is <{root.tag[:60]}>; a URDF has <robot>")
     _refuse_too_many(root, path)
     links = _named(root, "link", path)
     if not links:
@@ -100,72 +133,24 @@ def read_urdf(path: str | Path) -> Urdf:
         name: _read_joint(element, path) for name, element in _named(root, "joint", path).items()
     }
     places = _place_links(set(links), joints, path)
-    _check_masses(links, joints, path)
     solids = {
         kind: tuple(
             solid
             for name, link in links.items()
-            for solid in _solids(link, kind, places[name], path)
+            for solid in read_solids(link, kind, places[name], path)
         )
         for kind in ("collision", "visual")
     }
     return Urdf(
-        path, root.get("name", ""), root, joints, places, solids["collision"], solids["visual"]
+        path=path,
+        name=root.get("name", ""),
+        root=root,
+        joints=joints,
+        places=places,
+        collisions=solids["collision"],
+        visuals=solids["visual"],
+        massless=_massless(links, joints, path),
     )
-
-
-def number(element: Element, key: str, where: str, default: float | None = None) -> float:
-    """Read a number from an attribute.
-
-    Raises:
-        InputError: it is missing without a default, no number, not finite, or too large.
-    """
-    (value,) = numbers(element, key, 1, where, None if default is None else (default,))
-    return value
-
-
-def numbers(
-    element: Element | None, key: str, count: int, where: str, default: tuple[float, ...] | None
-) -> tuple[float, ...]:
-    """Read ``count`` numbers from an attribute, or take the default where there is none.
-
-    Raises:
-        InputError: there are more or fewer, or one is not finite or too large.
-    """
-    text = None if element is None else element.get(key)
-    if text is None and default is not None:
-        return default
-    try:
-        values = tuple(float(word) for word in (text or "").split())
-    except ValueError:
-        values = ()
-    # NaN and infinity fail the comparison, too.
-    if len(values) != count or not all(abs(value) <= LARGEST for value in values):
-        shown = "" if text is None else " ".join(text.split())[:60]
-        limit = f"-{LARGEST:g} to {LARGEST:g}"
-        raise InputError(f"{where}: {key} = {shown!r}: must be {count} number(s) from {limit}")
-    return values
-
-
-def origin_of(element: Element, where: str) -> Transform:
-    """Read the ``<origin>`` of an element; the identity where there is none."""
-    origin = element.find("origin")
-    x, y, z = numbers(origin, "xyz", 3, f"{where}: origin", (0.0, 0.0, 0.0))
-    roll, pitch, yaw = numbers(origin, "rpy", 3, f"{where}: origin", (0.0, 0.0, 0.0))
-    return Transform(from_euler(roll, pitch, yaw), np.array([x, y, z]))
-
-
-def _refuse_other_files(root: Element, path: Path) -> None:
-    if root.tag != "robot":
-        raise InputError(f"{path}: its outermost element is <{root.tag[:60]}>; a URDF has <robot>")
-    unexpanded = any(
-        "/xacro}" in str(element.tag) or any("$" in value for value in element.attrib.values())
-        for element in root.iter()
-    )
-    if unexpanded:
-        raise InputError(
-            f"{path}: holds xacro macros; expand it first: xacro {path.name} > robot.urdf"
-        )
 
 
 def _refuse_too_many(root: Element, path: Path) -> None:
@@ -203,8 +188,39 @@ def _read_joint(element: Element, path: Path) -> Joint:
         raise InputError(f"{where}: axis: must not be zero")
     limit = element.find("limit")
     velocity = None if limit is None else number(limit, "velocity", f"{where}: limit", 0.0)
-    pose = origin_of(element, where)
-    return Joint(name, kind, ends[0], ends[1], pose, axis / max(length, 1e-6), velocity or None)
+    axis = axis / max(length, 1e-6)
+    pose = origin_of(element, where).apply(_motion(kind, axis, _offset(element, where)))
+    span = _span(limit, kind, where)
+    return Joint(name, kind, ends[0], ends[1], pose, axis, velocity or None, span)
+
+
+def _offset(element: Element, where: str) -> float:
+    mimic = element.find("mimic")
+    return 0.0 if mimic is None else number(mimic, "offset", f"{where}: mimic", 0.0)
+
+
+def _motion(kind: str, axis: FloatArray, by: float) -> Transform:
+    """Return what a joint at ``by`` [rad or m] adds to its origin."""
+    if by == 0.0 or kind not in ("continuous", "revolute", "prismatic"):
+        return IDENTITY
+    if kind == "prismatic":
+        return Transform(np.eye(3), by * axis)
+    return Transform(Rotation.from_rotvec(by * axis).as_matrix(), np.zeros(3))
+
+
+def _span(limit: Element | None, kind: str, where: str) -> float:
+    """Return how far a joint may move; files that mean no limit write 1e16."""
+    if kind == "continuous":
+        return math.inf
+    if limit is None:
+        return 0.0
+    try:
+        span = float(limit.get("upper", "0")) - float(limit.get("lower", "0"))
+    except ValueError:
+        span = math.nan
+    if math.isnan(span):
+        raise InputError(f"{where}: limit: lower and upper must be numbers")
+    return span
 
 
 def _place_links(links: set[str], joints: dict[str, Joint], path: Path) -> dict[str, Transform]:
@@ -243,8 +259,8 @@ def _place_links(links: set[str], joints: dict[str, Joint], path: Path) -> dict[
     return {name: back.apply(place) for name, place in places.items()}
 
 
-def _check_masses(links: dict[str, Element], joints: dict[str, Joint], path: Path) -> None:
-    """Refuse a moving link that neither has mass and inertia nor a link fixed to it that has."""
+def _massless(links: dict[str, Element], joints: dict[str, Joint], path: Path) -> tuple[str, ...]:
+    """Name moving links that neither have mass and inertia nor a link fixed to them that has."""
     heavy = {name for name, link in links.items() if _has_inertia(link, f"{path}: link {name!r}")}
     carriers = set(heavy)
     for _ in range(len(joints)):
@@ -252,12 +268,11 @@ def _check_masses(links: dict[str, Element], joints: dict[str, Joint], path: Pat
         if more <= carriers:
             break
         carriers |= more
-    for joint in joints.values():
-        if joint.kind != "fixed" and joint.child not in carriers:
-            raise InputError(
-                f"{path}: link {joint.child!r}: moves (joint {joint.name!r}), so its mass, ixx, "
-                "iyy and izz must be above 0"
-            )
+    return tuple(
+        joint.child
+        for joint in joints.values()
+        if joint.kind != "fixed" and joint.child not in carriers
+    )
 
 
 def _has_inertia(link: Element, where: str) -> bool:
@@ -271,75 +286,6 @@ def _has_inertia(link: Element, where: str) -> bool:
     if min(values) < 0.0:
         raise InputError(f"{where}: mass and moments of inertia must not be negative")
     return min(values) > 0.0
-
-
-def _solids(link: Element, tag: str, place: Transform, path: Path) -> list[Solid]:
-    name, solids = link.get("name", ""), []
-    for element in link.findall(tag):
-        where = f"{path}: link {name!r}: {tag}"
-        shapes = [shape for geometry in element.findall("geometry") for shape in geometry]
-        if len(shapes) != 1:
-            raise InputError(f"{where}: must have one shape, not {len(shapes)}")
-        read = _SHAPES.get(shapes[0].tag)
-        if read is None:
-            raise InputError(f"{where}: <{str(shapes[0].tag)[:40]}>: allowed: {', '.join(_SHAPES)}")
-        pose = place.apply(origin_of(element, where))
-        size, mesh = read(shapes[0], where)
-        solids.append(Solid(name, str(shapes[0].tag), size, pose, mesh))
-    return solids
-
-
-def _box(shape: Element, where: str) -> tuple[tuple[float, ...], str]:
-    return _sizes(numbers(shape, "size", 3, f"{where}: box", None), f"{where}: box: size"), ""
-
-
-def _cylinder(shape: Element, where: str) -> tuple[tuple[float, ...], str]:
-    sizes = [number(shape, key, f"{where}: {shape.tag}") for key in ("radius", "length")]
-    return _sizes(tuple(sizes), f"{where}: {shape.tag}: radius, length"), ""
-
-
-def _sphere(shape: Element, where: str) -> tuple[tuple[float, ...], str]:
-    radius = number(shape, "radius", f"{where}: sphere")
-    return _sizes((radius,), f"{where}: sphere: radius"), ""
-
-
-def _mesh(shape: Element, where: str) -> tuple[tuple[float, ...], str]:
-    name = shape.get("filename", "").strip()
-    if not name:
-        raise InputError(f"{where}: mesh: has no filename")
-    return (), name
-
-
-def _sizes(values: tuple[float, ...], where: str) -> tuple[float, ...]:
-    if min(values) <= 0.0:
-        shown = ", ".join(f"{value:g}" for value in values)
-        raise InputError(f"{where} = {shown}: must be above 0")
-    return values
-
-
-_SHAPES: dict[str, Callable[[Element, str], tuple[tuple[float, ...], str]]] = {
-    "box": _box,
-    "cylinder": _cylinder,
-    "sphere": _sphere,
-    "mesh": _mesh,
-}
-
-
-def refuse_missing_file(solid: Solid, path: Path) -> None:
-    """Refuse a mesh whose file is not there; only ROS knows where ``package://`` leads.
-
-    Raises:
-        InputError: a mesh by file name, of which there is no file.
-    """
-    name = solid.mesh.removeprefix("file://")
-    if not name or "://" in name:
-        return
-    try:
-        found = (path.parent / name).is_file()
-    except (OSError, ValueError):
-        found = False
-    if not found:
-        raise InputError(f"{path}: link {solid.link!r}: mesh {solid.mesh[:120]!r}: no such file")
 
 
 def tilt(direction: FloatArray, axis: FloatArray) -> float:

@@ -3,16 +3,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pm01_nav.errors import InputError
-from pm01_nav.robot_import.gazebo import Drive
-from pm01_nav.robot_import.urdf import Joint, Solid, Urdf, refuse_missing_file, tilt
+from pm01_nav.robot_import.drive import Drive
+from pm01_nav.robot_import.other_drives import CASTER_WORDS, refuse_other_drives
+from pm01_nav.robot_import.solids import Solids
+from pm01_nav.robot_import.tyres import TILT, Tyre, find_tyre
+from pm01_nav.robot_import.urdf import Joint, Urdf, tilt
 
-TILT = 0.05
-"""An axle turned by more than this away from y [rad] does not drive along x; 1.57 is no pi / 2."""
 SAME_AXLE = 0.005
 """Two wheels on one axle lie at the same x and z within this [m]."""
 ALIKE = 0.01
@@ -28,9 +30,7 @@ class Wheel:
     y: float
     """Of its contact with the floor [m]."""
     z: float
-    radius: float
-    source: str
-    """What the radius was read from."""
+    tyre: Tyre
 
 
 @dataclass(frozen=True)
@@ -40,33 +40,48 @@ class Axle:
     x: float
     """Its middle in the robot's frame [m]."""
     y: float
+    floor: float
+    """Height of the floor in the robot's frame [m]."""
     radius: float
     separation: float
+    """Between the wheels' contacts, by their places [m]."""
     velocity: float | None
     """Fastest turn of the wheels [rad/s], None where the file says nothing."""
     source: str
     joints: tuple[str, ...]
 
+    @property
+    def skids(self) -> bool:
+        """Tell whether its wheels slide sideways in a turn."""
+        return len(self.joints) > 2
+
 
 def find_axle(
-    urdf: Urdf, drive: Drive, names: tuple[str, str] | None, radius: float | None
+    urdf: Urdf,
+    drive: Drive,
+    solids: Solids,
+    names: tuple[str, str] | None = None,
+    radius: float | None = None,
 ) -> Axle:
     """Find the wheels by name, by the plugin that drives them, or by their joints.
 
     Raises:
-        InputError: there are none, several that differ, or their radius is not to be seen.
+        InputError: it is no differential drive, there are no wheels, several that differ, or their
+            radius is not to be seen.
     """
     if names is not None:
-        pairs = [(_by_name(urdf, names[0], "--wheels"), _by_name(urdf, names[1], "--wheels"))]
-    elif drive.joints[0] and len(drive.joints[0]) == len(drive.joints[1]):
-        named = zip(*drive.joints, strict=True)
-        pairs = [(_by_name(urdf, a, drive.where), _by_name(urdf, b, drive.where)) for a, b in named]
+        joints = [_by_name(urdf, name, "--wheels") for name in names]
+    elif all(drive.joints):
+        joints = [_by_name(urdf, name, drive.where) for side in drive.joints for name in side]
     else:
-        pairs = _pairs(urdf)
-    wheels = [
-        (_wheel(urdf, left, drive, radius), _wheel(urdf, right, drive, radius))
-        for left, right in pairs
-    ]
+        joints = _by_geometry(urdf, drive)
+    if names is None:
+        refuse_other_drives(urdf, drive, joints)
+    wheels = []
+    for joint in joints:
+        x, _, z = urdf.places[joint.child].translation.tolist()
+        tyre = find_tyre(urdf, joint, drive, solids, radius)
+        wheels.append(Wheel(joint, x, tyre.y, z, tyre))
     return _axle(urdf, wheels)
 
 
@@ -80,103 +95,76 @@ def _by_name(urdf: Urdf, name: str, where: str) -> Joint:
 
 
 def _list(urdf: Urdf) -> str:
-    turning = [repr(j.name[:60]) for j in urdf.joints.values() if j.kind == "continuous"]
+    turning = [repr(j.name[:60]) for j in urdf.joints.values() if j.turns]
     return ", ".join(turning[:8]) or "no continuous joints"
 
 
-def _pairs(urdf: Urdf) -> list[tuple[Joint, Joint]]:
-    """Return left and right of each two continuous joints on a common axis along y."""
-    moved = {j.child: j for j in urdf.joints.values()}
-    turning = [
-        joint
-        for joint in urdf.joints.values()
-        if joint.kind == "continuous" and _is_across(urdf, joint) and not _hangs(joint, moved)
-    ]
-    places = {joint.name: urdf.places[joint.child].translation for joint in turning}
-    pairs = []
-    for left in turning:
-        for right in turning:
-            across = places[left.name] - places[right.name]
-            if across[1] > SAME_AXLE and max(abs(across[0]), abs(across[2])) < SAME_AXLE:
-                pairs.append((left, right))
+def _by_geometry(urdf: Urdf, drive: Drive) -> list[Joint]:
+    """Return left and right of each two joints that turn about a common axis along y.
+
+    Where controllers are named, only what they turn counts.
+    """
+    turning = [joint for joint in urdf.joints.values() if _is_wheel(urdf, joint)]
+    pairs = _pairs(urdf, turning)
+    driven = [pair for pair in pairs if all(joint.name in drive.driven for joint in pair)]
     if not pairs:
+        refuse_other_drives(urdf, drive, list(urdf.joints.values()))
         raise InputError(
             f"{urdf.path}: has no two driven wheels: continuous joints on a common axis along y; "
             f"there are: {_list(urdf)}; name them with --wheels LEFT RIGHT"
         )
-    return pairs
+    names = dict.fromkeys(joint.name for pair in driven or pairs for joint in pair)
+    return [urdf.joints[name] for name in names]
 
 
-def _is_across(urdf: Urdf, joint: Joint) -> bool:
-    axis = urdf.places[joint.child].rotation @ joint.axis
-    return tilt(axis, np.array([0.0, 1.0, 0.0])) < TILT
+def _is_wheel(urdf: Urdf, joint: Joint) -> bool:
+    """Tell whether a joint turns about y and is no caster's, which hangs under a hinge."""
+    if not joint.turns or tilt(urdf.axis(joint), np.array([0.0, 1.0, 0.0])) > TILT:
+        return False
+    if any(word in joint.name.lower() for word in CASTER_WORDS):
+        return False
+    return not any(urdf.is_hinge(above) for above in urdf.above(joint.parent))
 
 
-def _hangs(joint: Joint, moved: dict[str, Joint]) -> bool:
-    """Tell whether a wheel hangs under another moving joint, as a caster's does."""
-    above = moved.get(joint.parent)
-    while above is not None:
-        if above.kind != "fixed":
-            return True
-        above = moved.get(above.parent)
-    return False
+def _pairs(urdf: Urdf, turning: Sequence[Joint]) -> list[tuple[Joint, Joint]]:
+    """Return the leftmost and the rightmost joint on each axis."""
+    places = {joint.name: urdf.places[joint.child].translation for joint in turning}
+    pairs: dict[tuple[str, str], tuple[Joint, Joint]] = {}
+    for joint in turning:
+        off = {other.name: places[other.name] - places[joint.name] for other in turning}
+        along = [o for o in turning if max(abs(off[o.name][[0, 2]])) < SAME_AXLE]
+        left = max(along, key=lambda o: places[o.name][1])
+        right = min(along, key=lambda o: places[o.name][1])
+        if places[left.name][1] - places[right.name][1] > SAME_AXLE:
+            pairs[left.name, right.name] = (left, right)
+    return list(pairs.values())
 
 
-def _wheel(urdf: Urdf, joint: Joint, drive: Drive, radius: float | None) -> Wheel:
-    place = urdf.places[joint.child].translation
-    x, y, z = place.tolist()
-    if radius is not None:
-        return Wheel(joint, x, y, z, radius, "--wheel-radius")
-    links = urdf.lump(joint.child)
-    seen: list[str] = []
-    for name, solids in (("collision", urdf.collisions), ("visual", urdf.visuals)):
-        own = [solid for solid in solids if solid.link in links]
-        seen.extend(solid.kind for solid in own)
-        round_ones = [solid for solid in own if _is_wheel(solid)]
-        if round_ones:
-            tyre = max(round_ones, key=lambda solid: solid.size[0])
-            source = f"{joint.child}, {tyre.kind} of its {name}"
-            return Wheel(joint, x, float(tyre.pose.translation[1]), z, tyre.size[0], source)
-    if "radius" in drive.figures:
-        return Wheel(joint, x, y, z, drive.figures["radius"], "plugin of the drive")
-    for solid in (*urdf.collisions, *urdf.visuals):
-        if solid.link in links:
-            refuse_missing_file(solid, urdf.path)
-    shapes = ", ".join(dict.fromkeys(seen)) or "nothing"
-    raise InputError(
-        f"{urdf.path}: link {joint.child!r}: its shape is {shapes}, which tells no radius; "
-        "give --wheel-radius"
-    )
-
-
-def _is_wheel(solid: Solid) -> bool:
-    if solid.kind == "sphere":
-        return True
-    return solid.kind == "cylinder" and tilt(solid.pose.rotation[:, 2], np.array([0, 1, 0])) < TILT
-
-
-def _axle(urdf: Urdf, wheels: list[tuple[Wheel, Wheel]]) -> Axle:
-    sides = [(a, b) if a.y > b.y else (b, a) for a, b in wheels]
-    separations = [left.y - right.y for left, right in sides]
-    radii = [wheel.radius for pair in sides for wheel in pair]
-    joints = tuple(wheel.joint.name for pair in sides for wheel in pair)
-    if min(separations) <= 0.0:
+def _axle(urdf: Urdf, wheels: list[Wheel]) -> Axle:
+    joints = tuple(wheel.joint.name for wheel in wheels)
+    middle = 0.5 * (min(w.y for w in wheels) + max(w.y for w in wheels))
+    left = [wheel for wheel in wheels if wheel.y > middle]
+    right = [wheel for wheel in wheels if wheel.y < middle]
+    if not left or not right or len(left) + len(right) < len(wheels):
         raise InputError(f"{urdf.path}: joints {joints[0]!r} and {joints[1]!r}: lie at the same y")
-    for values, what in ((separations, "distance"), (radii, "radius")):
+    radii = [wheel.tyre.radius for wheel in wheels]
+    sides = [[wheel.y - middle for wheel in left], [middle - wheel.y for wheel in right]]
+    for values, what in ((sides[0], "distance"), (sides[1], "distance"), (radii, "radius")):
         if max(values) - min(values) > ALIKE * abs(max(values)):
             listed = ", ".join(repr(name[:60]) for name in joints[:8])
             raise InputError(
                 f"{urdf.path}: the wheels differ in their {what} ({listed}); "
                 "name the driven ones with --wheels LEFT RIGHT"
             )
-    everyone = [wheel for pair in sides for wheel in pair]
-    speeds = [w.joint.velocity for w in everyone if w.joint.velocity is not None]
+    speeds = [w.joint.velocity for w in wheels if w.joint.velocity is not None]
+    ys = [float(np.mean([wheel.y for wheel in side])) for side in (left, right)]
     return Axle(
-        x=float(np.mean([wheel.x for wheel in everyone])),
-        y=float(np.mean([wheel.y for wheel in everyone])),
+        x=float(np.mean([wheel.x for wheel in wheels])),
+        y=float(np.mean(ys)),
+        floor=float(np.mean([wheel.z - wheel.tyre.radius for wheel in wheels])),
         radius=float(np.mean(radii)),
-        separation=float(np.mean(separations)),
+        separation=ys[0] - ys[1],
         velocity=min(speeds) if speeds else None,
-        source=everyone[0].source,
+        source=wheels[0].tyre.source,
         joints=joints,
     )

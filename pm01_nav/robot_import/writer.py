@@ -37,7 +37,7 @@ limits:                         # what the base does, not what its motors could
 actuator:
   lag_s: 0.1                    # [s] time constant of the answer to a command
 lidar:                          # as in sensor_msgs/LaserScan: `ros2 topic echo /scan --once`
-  num_beams: 720                # the number of ranges; 36 must divide it, or set other sectors
+  num_beams: 720                # the number of ranges
   angle_min: -2.35619           # [rad] beam 0
   angle_max: 2.35619            # [rad] last beam; a full circle does not repeat beam 0
   range_min: 0.05               # [m]
@@ -47,6 +47,7 @@ lidar:                          # as in sensor_msgs/LaserScan: `ros2 topic echo 
   y: 0.0
   yaw: 0.0                      # [rad] its direction in base_link
   noise_std: 0.01               # [m] standard deviation of a range
+  upside_down: false            # true where its scan runs clockwise seen from above
 body:                           # for --backend mujoco and pybullet; the planar simulator has none
   mass: 15.0                    # [kg]
   height: 0.25                  # [m] top of the hull above the floor

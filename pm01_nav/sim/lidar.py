@@ -312,16 +312,25 @@ def sanitized(value, shortest, longest):
 def nearest_in_sectors(lidar, ranges, nearest, i):
     """Keep the nearest reading of each sector of neighbouring beams.
 
-    Of two ranges the nearer has the nearer reading, so that one reading a sector will do. All
-    sectors go through their beams together: these loops become vector instructions.
+    Sector s begins with beam s * beams // sectors, as ``task.observation.sector_begins`` has it. Of
+    two ranges the nearer has the nearer reading, so that one reading a sector will do.
     """
     shortest, longest = np.float32(lidar.range_min), np.float32(lidar.range_max)
     sectors = np.uint64(nearest.shape[1])
-    beams = np.uint64(lidar.num_beams) // sectors
-    for s in range(sectors):
-        nearest[i, s] = ranges[i, s * beams]
-    for j in range(np.uint64(1), beams):
+    total = np.uint64(lidar.num_beams)
+    beams = total // sectors
+    if beams * sectors == total:
+        # All sectors go through their beams together: these loops become vector instructions.
         for s in range(sectors):
-            nearest[i, s] = min(nearest[i, s], ranges[i, s * beams + j])
+            nearest[i, s] = ranges[i, s * beams]
+        for j in range(np.uint64(1), beams):
+            for s in range(sectors):
+                nearest[i, s] = min(nearest[i, s], ranges[i, s * beams + j])
+    else:
+        for s in range(sectors):
+            begin = s * total // sectors
+            nearest[i, s] = ranges[i, begin]
+            for j in range(begin + np.uint64(1), (s + np.uint64(1)) * total // sectors):
+                nearest[i, s] = min(nearest[i, s], ranges[i, j])
     for s in range(sectors):
         nearest[i, s] = reading(nearest[i, s], shortest, longest)

@@ -160,8 +160,8 @@ class Features(NamedTuple):
     """What is computed in each step because a task asks for it."""
 
     sectors: int = 0
-    """Equal parts of the scan, which must divide it, in each of which the nearest range is kept; 0
-    makes every beam a part."""
+    """Parts of the scan, as equal as can be, in each of which the nearest range is kept; 0 makes
+    every beam a part."""
     trail: TrailParams = TrailParams()
     """How each robot's way so far is remembered."""
     path_distances: bool = False

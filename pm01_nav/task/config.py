@@ -144,7 +144,8 @@ def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayou
     return ObservationLayout(
         scan=scan_geometry(lidar, range_max),
         limits=ActionLimits(limits.linear_min, limits.linear_max, limits.angular_max),
-        sectors=seen.sectors,
+        # A lidar of few beams is seen beam by beam.
+        sectors=seen.sectors if seen.sectors <= lidar.num_beams else 0,
         nearness_distance=seen.nearness_distance,
         goal=seen.goal,
         previous_action=seen.previous_action,

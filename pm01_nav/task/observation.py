@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from pm01_nav.arrays import array_namespace
@@ -85,7 +86,7 @@ class ObservationLayout:
     scan: ScanGeometry
     limits: ActionLimits
     sectors: int = 0
-    """The scan's nearest return in each of so many equal sectors; 0 keeps every beam."""
+    """The scan's nearest return in each of so many sectors; 0 keeps every beam."""
     nearness_distance: float = 0.3
     """A return at r metres is shown as (d - r) / (d + r) with this d [m]; 0 shows r itself.
 
@@ -107,14 +108,15 @@ class ObservationLayout:
     """Whether environments divide each part by its scale; exported policies do so themselves."""
 
     def __post_init__(self) -> None:
-        """Refuse sectors of unequal size.
+        """Refuse sectors without a beam.
 
         Raises:
-            InputError: the number of beams is no multiple of the number of sectors.
+            InputError: there are more sectors than beams.
         """
-        if self.sectors < 0 or (self.sectors and self.scan.num_beams % self.sectors):
+        if not 0 <= self.sectors <= self.scan.num_beams:
             raise InputError(
-                f"sectors = {self.sectors}: must divide the number of beams, {self.scan.num_beams}"
+                f"sectors = {self.sectors}: must be from 0 to the number of beams, "
+                f"{self.scan.num_beams}"
             )
 
     @cached_property
@@ -213,16 +215,29 @@ def discard_invalid(scan: Any, geometry: ScanGeometry) -> Any:
     return xp.where(within | (scan == -xp.inf), scan, xp.inf)
 
 
+def sector_begins(num_beams: int, sectors: int) -> list[int]:
+    """Return the first beam of each sector, and ``num_beams`` behind them, ``sectors`` + 1 numbers.
+
+    Sector k holds beams floor(k num_beams / sectors) to floor((k + 1) num_beams / sectors) - 1:
+    all have the same number where it divides, else one more or less.
+    """
+    return [k * num_beams // sectors for k in range(sectors + 1)]
+
+
 def pool_sectors(ranges: Any, sectors: int) -> Any:
-    """Return the nearest range in each of ``sectors`` equal sectors, shape (..., sectors).
+    """Return the nearest range in each of ``sectors`` sectors, shape (..., sectors).
 
     With 0 sectors every beam is one. Environments have this from the simulator.
     """
     if sectors == 0:
         return ranges
     xp = array_namespace(ranges)
-    grouped = xp.reshape(ranges, (*ranges.shape[:-1], sectors, ranges.shape[-1] // sectors))
-    return xp.min(grouped, axis=-1)
+    begins = sector_begins(ranges.shape[-1], sectors)
+    widest = -(-ranges.shape[-1] // sectors)
+    # A sector that lacks a beam has its last one twice.
+    beams = [min(begin + j, end - 1) for begin, end in pairwise(begins) for j in range(widest)]
+    taken = xp.take(ranges, xp.asarray(beams, device=ranges.device), axis=-1)
+    return xp.min(xp.reshape(taken, (*ranges.shape[:-1], sectors, widest)), axis=-1)
 
 
 def show_ranges(layout: ObservationLayout, nearest: Any, *, normalized: bool = False) -> Any:

@@ -76,6 +76,43 @@ def test_import_writes_what_loads(tmp_path: Path) -> None:
     assert (robot.wheels.radius, robot.footprint.radius) == (0.06, 0.2)
 
 
+def test_show_says_where_figures_came_from_and_what_was_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "160")
+    source, target = tmp_path / "bot.urdf", tmp_path / "bot.yaml"
+    sonar = """<gazebo reference="base_link"><sensor name="sonar" type="ray"><ray><scan><horizontal>
+        <samples>5</samples></horizontal></scan></ray></sensor></gazebo>"""
+    source.write_text(URDF.format(WHEELS + sonar))
+    run("import", str(source), "-o", str(target))
+    output = run("show", str(target)).output
+    rows = {
+        line.split("\u2502")[1].strip(): line for line in output.splitlines() if "\u2502" in line
+    }
+    assert "left, sphere of its collision" in rows["wheel radius"]
+    assert "hull of the collision shapes" in rows["footprint"]
+    assert "default: not in the URDF; check it" in rows["turn rate"]
+    assert "sensor 'sonar': left out; a range sensor of 5 beams" in output
+    # Comments that a person wrote count as well, wherever YAML lets them stand.
+    text = target.read_text().replace("  radius: 0.05", "  radius: 0.05 # callipers\n  # and more")
+    target.write_text(text.replace("# left, sphere", "# was left, sphere"))
+    assert "callipers" in run("show", str(target)).output
+
+
+def test_import_takes_a_xacro_file_with_its_arguments(tmp_path: Path) -> None:
+    pytest.importorskip("xacro", reason="needs xacro (extra dev)")
+    source, target = tmp_path / "bot.xacro", tmp_path / "bot.yaml"
+    head = '<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arg name="name" default="a"/>'
+    text = (
+        URDF.format(WHEELS)
+        .replace('<robot name="bot">', head)
+        .replace('size="0.3', 'size="$(arg length)')
+    )
+    source.write_text(text)
+    run("import", str(source), "length:=0.5", "-o", str(target), "--packages", str(tmp_path))
+    assert max(x for x, _ in load_robot(target).footprint.vertices) == 0.25
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -88,6 +125,13 @@ def test_import_writes_what_loads(tmp_path: Path) -> None:
         (["new", "no/robot.yaml"], "no/robot.yaml: its folder does not exist"),
         (["import", "none.urdf", "-o", "a.yaml"], "none.urdf: cannot be read"),
         (["import", "bot.urdf", "-o", "a.yaml"], "bot.urdf: has no two driven wheels"),
+        (["import", "good.urdf", "length=1", "-o", "a.yaml"], "length=1: .*given as NAME:=VALUE"),
+        (["import", "good.urdf", "-o", "a.yaml", "--lidar", "x"], "--lidar 'x': no such sensor"),
+        (["import", "good.urdf", "-o", "a.yaml", "--without", "x"], "--without 'x': no such link"),
+        (
+            ["import", "good.urdf", "-o", "a.yaml", "--packages", "x"],
+            "--packages x: no such folder",
+        ),
         (["import", "good.urdf", "-o", "a.urdf"], r"a.urdf: a robot's file must be named \*.yaml"),
     ],
 )

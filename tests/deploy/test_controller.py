@@ -208,6 +208,29 @@ def test_a_slow_policy_is_supervised_between_its_steps(
     assert commands[5:] == [0.0] * 5
 
 
+def test_the_scan_of_a_lidar_upside_down_is_mirrored(robot, policy, make_scan, make_odometry):
+    hanging = robot.model_copy(
+        update={"lidar": robot.lidar.model_copy(update={"upside_down": True})}
+    )
+    controller = Controller(
+        policy,
+        hanging,
+        scan_geometry(hanging.lidar),
+        control_dt=0.1,
+        goal_radius=0.3,
+        safety=SafetyConfig(),
+    )
+    controller.see_odometry(make_odometry(5.0), 5.0)
+    # Its driver means -180 + 270 = 90 degrees, to the left of a lidar that stands.
+    controller.see_scan(make_scan(5.0, 3.0, beam_270=1.5), 5.0)
+    controller.set_goal(Goal(2.0, 0.0))
+    controller.step(5.0)
+    (seen, _, _) = policy.asked[-1]
+    # The obstacle stands to the right, at -90 degrees.
+    assert seen[90] == 1.5
+    assert seen[270] == 3.0
+
+
 def test_what_a_policy_sees_can_be_drawn(robot, make_scan):
     geometry = scan_geometry(robot.lidar)
     policy = Recorder()

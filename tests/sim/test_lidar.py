@@ -14,6 +14,7 @@ from pm01_nav.robot import full_circle
 from pm01_nav.sim.lidar import ANGLE_ERROR, direction, nearest_in_sectors
 from pm01_nav.sim.reference import reference_scan
 from pm01_nav.sim.state import lidar_params
+from pm01_nav.task.observation import pool_sectors
 from pm01_nav.worlds.world import OccupancyGrid, World
 
 BOUNDS = (-5.0, -5.0, 5.0, 5.0)
@@ -264,3 +265,20 @@ def test_nearest_in_sectors(make_robot) -> None:
     for i in range(2):
         nearest_in_sectors(lidar, ranges, nearest, i)
     assert nearest.tolist() == [[5.0, np.inf, 6.0], [1.0, 3.0, -np.inf]]
+
+
+@pytest.mark.parametrize(("beams", "sectors"), [(541, 36), (811, 72), (1081, 36), (37, 36), (7, 5)])
+def test_nearest_in_uneven_sectors_is_what_a_policy_pools(
+    make_robot, beams: int, sectors: int
+) -> None:
+    lidar = lidar_params(make_robot(lidar=full_circle(beams) | {"range_max": 8.0}))
+    ranges = np.random.default_rng(beams).uniform(1.0, 9.0, (1, beams)).astype(np.float32)
+    nearest = np.zeros((1, sectors), dtype=np.float32)
+    nearest_in_sectors(lidar, ranges, nearest, 0)
+    # Beam b lies in the last sector s that begins at or before it: s beams / sectors <= b.
+    expected = [[] for _ in range(sectors)]
+    for beam, value in enumerate(ranges[0].tolist()):
+        expected[((beam + 1) * sectors - 1) // beams].append(value if value <= 8.0 else np.inf)
+    assert nearest[0].tolist() == [min(values) for values in expected]
+    pooled = pool_sectors(np.where(ranges <= 8.0, ranges, np.inf), sectors)
+    assert nearest.tolist() == pooled.tolist()

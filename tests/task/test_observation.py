@@ -24,6 +24,7 @@ from pm01_nav.task.observation import (
     build_observation,
     discard_invalid,
     pool_sectors,
+    sector_begins,
     show_ranges,
 )
 from pm01_nav.task.randomization import RandomizationConfig
@@ -174,11 +175,17 @@ def test_pool_sectors_takes_the_nearest() -> None:
     assert pool_sectors(ranges, 6).tolist() == ranges.tolist()
     assert pool_sectors(ranges, 0) is ranges
     assert pool_sectors(ranges, 1).tolist() == [[1.0], [1.0]]
+    # floor(6 k / 4) = 0, 1, 3, 4, 6: beams 0 | 1, 2 | 3 | 4, 5.
+    assert sector_begins(6, 4) == [0, 1, 3, 4, 6]
+    assert pool_sectors(ranges, 4).tolist() == [[3.0, 1.0, 5.0, 4.0], [1.0, 9.0, 9.0, 2.0]]
+    # 541 = 36 x 15 + 1: one sector has one beam more.
+    sizes = np.diff(sector_begins(541, 36))
+    assert sorted(sizes.tolist()) == [15] * 35 + [16]
 
 
-@pytest.mark.parametrize("sectors", [4, 7, -1, 12])
-def test_unequal_sectors_are_refused(sectors: int) -> None:
-    with pytest.raises(InputError, match="must divide the number of beams, 6"):
+@pytest.mark.parametrize("sectors", [7, -1, 12])
+def test_sectors_without_a_beam_are_refused(sectors: int) -> None:
+    with pytest.raises(InputError, match="must be from 0 to the number of beams, 6"):
         replace(RICH, sectors=sectors)
 
 
@@ -195,7 +202,7 @@ def test_layout_survives_json(layout: ObservationLayout) -> None:
         ({"scan": GEOMETRY.__dict__ | {"fov": 1}}, "observation layout"),
         ({"limits": {}}, "observation layout"),
         ({"limits": None}, "observation layout"),
-        ({"sectors": 5}, "sectors"),
+        ({"sectors": 7}, "sectors"),
     ],
 )
 def test_foreign_metadata_is_refused(change, message: str) -> None:
