@@ -9,7 +9,6 @@ import numpy as np
 from rclpy.time import Time
 from tf2_ros import Buffer, TransformException
 
-from pm01_nav.deploy.messages import Scan
 from pm01_nav.robot import Lidar
 from pm01_rl.goals import planar
 
@@ -25,9 +24,8 @@ class LidarMount:
         self._described = np.array([lidar.x, lidar.y, lidar.yaw])
         self._base_frame, self._buffer = base_frame, buffer
         self._frame = ""
+        self._upside_down = lidar.upside_down
         self._known = False
-        self.upside_down = False
-        """Whether it hangs head down, so that its beams go round the other way."""
         self.difference: str | None = None
         """What is wrong; None where nothing is, or nothing is known yet."""
 
@@ -58,37 +56,26 @@ class LidarMount:
         turn = transform.rotation
         # The lidar's own axis, seen from the robot: up is 1, down is -1.
         up = 1.0 - 2.0 * (turn.x**2 + turn.y**2)
-        self.upside_down = up < 0.0
         tilt = math.acos(min(abs(up), 1.0))
+        by_tf = planar(transform)
+        off = by_tf - self._described
+        turned = abs(math.remainder(off[2], 2.0 * math.pi))
         if tilt > TOLERANCE_RAD:
             self.difference = (
                 f"the lidar must lie level; by tf {self._frame} tilts by {math.degrees(tilt):.1f}°"
             )
-            return
-        by_tf = planar(transform)
-        off = by_tf - self._described
-        turned = abs(math.remainder(off[2], 2.0 * math.pi))
-        if math.hypot(off[0], off[1]) > TOLERANCE_M or turned > TOLERANCE_RAD:
+        elif (
+            math.hypot(off[0], off[1]) > TOLERANCE_M
+            or turned > TOLERANCE_RAD
+            or self._upside_down != (up < 0.0)
+        ):
+            found, ours = _text(by_tf, up < 0.0), _text(self._described, self._upside_down)
             self.difference = (
-                f"the lidar: by tf {self._frame} is at {_text(by_tf)} of {self._base_frame}, "
-                f"by the robot's description at {_text(self._described)}"
+                f"the lidar: by tf {self._frame} is at {found} of {self._base_frame}, "
+                f"by the robot's description at {ours}"
             )
 
-    def upright(self, scan: Scan) -> Scan:
-        """Return the scan as a lidar would give it that does not hang head down."""
-        if not self.upside_down:
-            return scan
-        last = scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1)
-        return Scan(
-            scan.stamp,
-            -last,
-            scan.angle_increment,
-            scan.range_min,
-            scan.range_max,
-            scan.ranges[::-1],
-            scan.frame_id,
-        )
 
-
-def _text(pose: np.ndarray) -> str:
-    return f"x {pose[0]:.3f} m, y {pose[1]:.3f} m, yaw {math.degrees(pose[2]):.1f}°"
+def _text(pose: np.ndarray, upside_down: bool) -> str:
+    place = f"x {pose[0]:.3f} m, y {pose[1]:.3f} m, yaw {math.degrees(pose[2]):.1f}°"
+    return f"{place}, upside down" if upside_down else place

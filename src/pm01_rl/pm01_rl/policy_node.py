@@ -217,7 +217,7 @@ class PolicyNode(LifecycleNode):
     def _on_scan(self, message: LaserScan) -> None:
         self._mount.look(message.header.frame_id)
         if self._active:
-            self.controller.see_scan(self._mount.upright(scan_from_ros(message)), self._now())
+            self.controller.see_scan(scan_from_ros(message), self._now())
 
     def _on_odometry(self, message: OdometryMessage) -> None:
         self._frames = self._frames._replace(odometry=message.header.frame_id)
