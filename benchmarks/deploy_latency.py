@@ -142,6 +142,7 @@ def through_node(policy: str, steps: int) -> dict[str, Any]:
             if elsewhere:
                 goal = PoseStamped()
                 goal.pose.position.x, goal.pose.position.y = map(float, robot.goal)
+                goal.pose.orientation.w = 0.0
                 peer.goals.publish(goal)
             else:
                 robot.reset()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import signal
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     help="In the odometry frame [m]; repeat it for one after the other. Without it goals come from "
     "the topic goal_pose.",
 )
+@click.option("--yaw", type=float, metavar="RADIANS", help="Heading to turn to at the last --goal.")
 @click.option("--goal-radius", type=click.FloatRange(0.0, min_open=True), metavar="METRES")
 @click.option("--sim-time", is_flag=True, help="Time is what the topic clock says.")
 @click.option("--stamped", is_flag=True, help="The base takes TwistStamped, not Twist.")
@@ -64,8 +66,9 @@ def command(policy: str, **options: Any) -> None:
     Without another address both stay on this machine.
     """
     from pm01_nav.deploy.assembly import load_controller
-    from pm01_nav.deploy.controller import Goal
     from pm01_nav.deploy.driver import Driver
+    from pm01_nav.deploy.goals import Goal
+    from pm01_nav.errors import InputError
 
     controller = load_controller(
         policy,
@@ -75,6 +78,10 @@ def command(policy: str, **options: Any) -> None:
         same_clock=options["sim_time"],
     )
     goals = [Goal(x, y) for x, y in options["goals"]]
+    if options["yaw"] is not None:
+        if not goals:
+            raise InputError("--yaw: is for the last --goal, and there is none")
+        goals[-1] = replace(goals[-1], yaw=options["yaw"])
     link = _link(options)
     recorder = None
     if options["record_to"]:
@@ -87,7 +94,7 @@ def command(policy: str, **options: Any) -> None:
         signal.signal(number, lambda *_: driver.end())
     show = _Printer(driver)
     try:
-        driver.run(iter(goals) if goals else None, show)
+        driver.run(goals or None, show)
     finally:
         if recorder is not None:
             recorder.close()
@@ -155,7 +162,9 @@ class _Printer:
             self.arrived += 1
             click.echo("arrived")
         elif status.dropped:
-            click.echo(f"goal given up: {'; '.join(reasons)}")
+            failure = self._driver.controller.failure
+            why = reasons + ((failure,) if failure else ())
+            click.echo(f"goal given up: {'; '.join(why)}")
         elif reasons != self._last:
             what = "; ".join(reasons) or "driving"
             click.echo(f"{what} ({status.goal_distance:.2f} m to the goal)")

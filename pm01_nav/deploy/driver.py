@@ -6,14 +6,20 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from typing import Any
 
-from pm01_nav.deploy.controller import Controller, Goal, Status
+from pm01_nav.deploy.controller import Controller, Status
+from pm01_nav.deploy.goals import Goal
 from pm01_nav.deploy.link import Event, Inbox, Link
-from pm01_nav.deploy.messages import odometry_from_ros, scan_from_ros, seconds
+from pm01_nav.deploy.messages import (
+    heading_of,
+    odometry_from_ros,
+    scan_from_ros,
+    seconds,
+)
 from pm01_nav.deploy.safety import STOP
-from pm01_nav.deploy.watchdog import Watchdog
+from pm01_nav.deploy.watchdog import Turn, Watchdog
 from pm01_nav.errors import InputError
 
 Listener = Callable[[Status], None]
@@ -50,7 +56,7 @@ class Driver:
         """Let ``run`` end soon; safe from any thread and from signal handlers."""
         self._ended.set()
 
-    def run(self, goals: Iterator[Goal] | None = None, listener: Listener | None = None) -> None:
+    def run(self, goals: Iterable[Goal] | None = None, listener: Listener | None = None) -> None:
         """Drive to ``goals``, one after the other, or to those from the topic until ``end``.
 
         ``listener`` hears of every step. Of ``goals`` the first that is given up is the last: what
@@ -62,20 +68,19 @@ class Driver:
         try:
             if not self._sim_time:
                 watchdog.start()
-            self._loop(goals, listener, watchdog)
+            if goals is not None:
+                self.controller.set_goals(goals)
+            self._loop(goals is not None, listener, watchdog)
         finally:
             watchdog.end()
             self._link.tell(STOP)
             self._link.close()
 
-    def _loop(
-        self, goals: Iterator[Goal] | None, listener: Listener | None, watchdog: Watchdog
-    ) -> None:
+    def _loop(self, to_the_last: bool, listener: Listener | None, watchdog: Watchdog) -> None:
         controller, period = self.controller, self.controller.control_dt
         due = self._now()
-        if goals is not None and not self._next_goal(goals):
-            return
-        while not self._ended.is_set():
+        turn = Turn(time.monotonic())
+        while not self._ended.is_set() and (controller.goal is not None or not to_the_last):
             self._hear(due)
             now = self._now()
             # Further away than one step it is only when the clock went back: that needs a step now.
@@ -84,23 +89,16 @@ class Driver:
             self.late_steps += due > -math.inf and now - due > 0.5 * period
             self.steps += 1
             status = controller.step(now, link_age=self._link.age())
-            self._link.tell(status.verdict.command)
-            watchdog.feed()
-            if self._record is not None:
-                self._record.command(status.verdict.command, now)
+            driving = controller.goal is not None or controller.supervisor.emergency
+            if turn.is_ours(driving, time.monotonic()):
+                self._link.tell(status.verdict.command)
+                if self._record is not None:
+                    self._record.command(status.verdict.command, now)
+            watchdog.feed(driving)
             if listener is not None:
                 listener(status)
-            ended = goals is not None and controller.goal is None
-            if ended and not (status.arrived and self._next_goal(goals)):
-                return
             # Time that was lost is lost.
             due = due + period if 0.0 <= now - due < period else now + period
-
-    def _next_goal(self, goals: Iterator[Goal] | None) -> bool:
-        goal = next(goals, None) if goals is not None else None
-        if goal is not None:
-            self.controller.set_goal(goal)
-        return goal is not None
 
     def _now(self) -> float:
         return self._clock if self._sim_time else time.monotonic()
@@ -140,13 +138,14 @@ class Driver:
 
         There is no tf here: the same numbers in another frame are another place.
         """
-        place, frame = message.pose.position, message.header.frame_id
+        pose, frame = message.pose, message.header.frame_id
         if frame not in ("", self._frame):
             self.controller.cancel()
             self.refused = f"a goal in the frame {frame!r}; odometry's is {self._frame!r}"
             return
         try:
-            self.controller.set_goal(Goal(float(place.x), float(place.y)))
+            place = pose.position
+            self.controller.set_goal(Goal(float(place.x), float(place.y), heading_of(pose)))
             self.refused = None
         except InputError as error:
             self.controller.cancel()

@@ -33,6 +33,8 @@ class Scan:
     """[m]"""
     ranges: NDArray[np.float32]
     """By REP-117 [m], shape (num_beams,)."""
+    frame_id: str = ""
+    """The frame that directions are in."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,17 @@ def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
     return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
+def heading_of(pose: Any) -> float | None:
+    """Return the heading that a ``geometry_msgs/Pose`` asks for [rad]; None if it asks for none.
+
+    It asks for none where the rotation is all zeros, which is no rotation.
+    """
+    turn = getattr(pose, "orientation", None)
+    if turn is None or not any((turn.x, turn.y, turn.z, turn.w)):
+        return None
+    return yaw_of_quaternion(turn.x, turn.y, turn.z, turn.w)
+
+
 def scan_from_ros(message: Any) -> Scan:
     """Return a ``sensor_msgs/LaserScan`` as ours."""
     return Scan(
@@ -61,6 +74,7 @@ def scan_from_ros(message: Any) -> Scan:
         range_min=float(message.range_min),
         range_max=float(message.range_max),
         ranges=np.asarray(message.ranges, dtype=np.float32),
+        frame_id=str(message.header.frame_id),
     )
 
 

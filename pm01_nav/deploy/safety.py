@@ -63,6 +63,8 @@ class Reason(Enum):
     INVALID_ODOMETRY = "odometry is not finite, or faster than the robot can be"
     SLOW_LINK = "the connection to the robot is too slow"
     LOST_TRANSFORM = "the transform to the goal's frame is missing or too old"
+    WRONG_MOUNT = "tf has the lidar elsewhere than the robot's description"
+    SECOND_PUBLISHER = "somebody else commands the robot, too"
     NO_GOAL = "no goal"
     POLICY_FAILED = "the policy gave no usable command"
     OBSTACLE = "an obstacle is too close"
@@ -158,6 +160,7 @@ class SafetySupervisor:
         self._track = OdometryTrack(config.odometry_timeout_s)
         self._odometry_valid = False
         self._emergency: set[str] = set()
+        self._held: set[Reason] = set()
         self._jumped: Reason | None = None
         self._now = -math.inf
         self._commanded_at = -math.inf
@@ -171,6 +174,10 @@ class SafetySupervisor:
     def set_emergency(self, pressed: bool, source: str) -> None:
         """Press or release the emergency stop of one ``source``; each releases only its own."""
         (self._emergency.add if pressed else self._emergency.discard)(source)
+
+    def hold(self, reason: Reason, held: bool) -> None:
+        """Let the robot stand for a ``reason`` that only its owner can see, or no longer."""
+        (self._held.add if held else self._held.discard)(reason)
 
     def see_scan(self, scan: Scan, now: float) -> bool:
         """Take in a scan that arrived at ``now`` [s]; tell whether it is newer than the last."""
@@ -223,10 +230,6 @@ class SafetySupervisor:
         """The newest valid odometry."""
         return self._track.newest
 
-    def commanded(self, now: float) -> Command:
-        """Return what a base still follows at ``now`` [s] of what it was told."""
-        return self._command if now - self._commanded_at <= COMMAND_HELD_S else STOP
-
     def faults(
         self,
         now: float,
@@ -261,6 +264,8 @@ class SafetySupervisor:
             (Reason.INVALID_ODOMETRY, self._odometries.begun and not self._odometry_valid),
             (Reason.SLOW_LINK, not link_age <= LINK_TIMEOUT_S),
             (Reason.LOST_TRANSFORM, not transform_age <= config.transform_timeout_s),
+            (Reason.WRONG_MOUNT, Reason.WRONG_MOUNT in self._held),
+            (Reason.SECOND_PUBLISHER, Reason.SECOND_PUBLISHER in self._held),
             (Reason.NO_GOAL, not goal),
         )
         return tuple(reason for reason, holds in checks if holds)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from pm01_nav.arrays import NUMPY
 from pm01_nav.backends import BackendName, make_simulator
-from pm01_nav.deploy.controller import Controller, Goal
+from pm01_nav.deploy.controller import Controller
+from pm01_nav.deploy.goals import Goal
 from pm01_nav.deploy.messages import Odometry, Scan
 from pm01_nav.geometry import to_world
 from pm01_nav.robot import RobotSpec, load_robot

@@ -11,7 +11,8 @@ import time
 import numpy as np
 import pytest
 
-from pm01_nav.deploy.controller import Controller, Goal
+from pm01_nav.deploy.controller import Controller
+from pm01_nav.deploy.goals import Goal
 from pm01_nav.deploy.safety import Reason, SafetyConfig
 from pm01_nav.deploy.simulated_robot import SimulatedRobot
 from pm01_nav.errors import InputError
@@ -207,6 +208,19 @@ def test_a_slow_policy_is_supervised_between_its_steps(
     assert commands[5:] == [0.0] * 5
 
 
+def test_a_slow_policy_is_asked_at_once_about_the_next_goal(
+    make_controller, policy, make_scan, make_odometry
+):
+    controller = make_controller(policy, 0.3)
+    controller.set_goals([Goal(1.0, 2.35), Goal(1.0, 9.0)])
+    controller.step(5.0)
+    # 0.35 m, then 0.25 m to the first goal, whose radius is 0.3 m.
+    controller.see_odometry(make_odometry(5.1, pose=(1.0, 2.1, math.pi / 2)), 5.1)
+    controller.see_scan(make_scan(5.1), 5.1)
+    assert controller.step(5.1).arrived
+    assert [goal[0] for _, goal, _ in policy.asked] == pytest.approx([0.35, 6.9])
+
+
 def test_what_a_policy_sees_can_be_drawn(robot, make_scan):
     geometry = scan_geometry(robot.lidar)
     policy = Recorder()
@@ -261,8 +275,73 @@ def test_a_policy_that_raises_stops_the_robot_and_says_why(controller, policy):
 
 def test_a_new_goal_lets_the_policy_forget_and_a_moved_one_does_not(controller, policy):
     controller.set_goal(Goal(0.0, 5.0))
-    controller.move_goal(Goal(0.0, 5.1))
+    controller.move_goals([Goal(0.0, 5.1)])
     assert policy.resets == 1
+    assert controller.goal == Goal(0.0, 5.1)
+
+
+def test_goals_are_reached_in_order_without_a_stop_between(controller, make_odometry, make_scan):
+    # The robot at (1, 2) is within 0.3 m of the first two goals, and of the last, but that is last.
+    controller.set_goals([Goal(1.0, 2.1), Goal(1.2, 2.0), Goal(0.0, 5.0), Goal(1.0, 2.0)])
+    status = controller.step(5.0)
+    assert (status.arrived, status.remaining) == (True, 2)
+    assert status.verdict.command == pytest.approx((0.1, 0.0))
+    assert controller.goal == Goal(0.0, 5.0)
+    # Nothing that was passed is headed for again; 1.0 s of 3 m/s would be a jump, so it takes 5 s.
+    controller.see_odometry(make_odometry(10.0, pose=(0.1, 5.1, math.pi / 2)), 10.0)
+    controller.see_scan(make_scan(10.0), 10.0)
+    status = controller.step(10.0)
+    assert (status.arrived, status.remaining) == (True, 1)
+    assert controller.goal == Goal(1.0, 2.0)
+
+
+def turn_to(controller, make_odometry, make_scan, yaw: float, *, stuck: bool = False):
+    """Let a base that does as it is told turn at its goal; return the statuses."""
+    now, heading, statuses = 5.0, math.pi / 2, []
+    controller.set_goal(Goal(1.0, 2.1, yaw))
+    while not statuses or not (statuses[-1].arrived or statuses[-1].dropped):
+        rate = 0.0 if stuck or not statuses else statuses[-1].verdict.command[1]
+        heading += 0.1 * rate
+        now += 0.1
+        controller.see_odometry(make_odometry(now, 0.0, rate, (1.0, 2.0, heading)), now)
+        controller.see_scan(make_scan(now), now)
+        statuses.append(controller.step(now))
+        assert len(statuses) < 400
+    return statuses, heading
+
+
+@pytest.mark.parametrize("yaw", [-math.pi / 2, math.pi, 0.0, 1.4])
+def test_the_heading_at_a_goal_is_turned_to_on_the_spot(
+    controller, policy, make_odometry, make_scan, yaw
+):
+    statuses, heading = turn_to(controller, make_odometry, make_scan, yaw)
+    assert statuses[-1].arrived
+    # Within 0.25 rad of the heading asked for, the short way round, and never past it.
+    assert abs(math.remainder(heading - yaw, 2.0 * math.pi)) <= 0.25
+    assert abs(heading - math.pi / 2) <= math.pi + 0.01
+    assert all(status.verdict.command[0] == 0.0 for status in statuses)
+    assert policy.asked == []
+    rates = [status.verdict.command[1] for status in statuses]
+    assert all(rate * rates[0] >= 0.0 for rate in rates)
+
+
+def test_a_heading_that_cannot_be_reached_ends_the_goal_and_says_so(
+    controller, make_odometry, make_scan
+):
+    statuses, _ = turn_to(controller, make_odometry, make_scan, 0.0, stuck=True)
+    assert statuses[-1].dropped
+    # PM01 turns round in 2 pi / 1.5 rad/s = 4.2 s; with ten seconds of patience that is 14.2 s.
+    assert 140 <= len(statuses) <= 145
+    assert "heading" in controller.failure
+
+
+def test_how_long_is_waited_can_be_set(controller):
+    controller.patience_s = 2.0
+    controller.set_goal(Goal(0.0, 5.0))
+    controller.step(5.0)
+    # Scan and odometry are of 5.0 s: older than 0.5 s from 5.5 s on.
+    assert not controller.step(6.9).dropped
+    assert controller.step(7.1).dropped
 
 
 def test_a_goal_must_be_a_place():

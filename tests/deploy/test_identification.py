@@ -164,7 +164,7 @@ def test_json_without_numbers_for_infinity():
 def test_odometry_by_ros_field_names():
     ns = SimpleNamespace
     message = ns(
-        header=ns(stamp=ns(sec=3, nanosec=250_000_000)),
+        header=ns(stamp=ns(sec=3, nanosec=250_000_000), frame_id="laser"),
         pose=ns(
             pose=ns(
                 position=ns(x=1.0, y=2.0, z=0.0),

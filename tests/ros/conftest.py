@@ -9,6 +9,7 @@ import subprocess
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -119,6 +120,132 @@ def watcher(rclpy):
         pose.pose.position.x, pose.pose.position.y = x, y
         publisher.publish(pose)
 
-    node.wait_for, node.send_goal = wait_for, send_goal
+    def moves():
+        return bool(node.commands) and abs(node.commands[-1][1].linear.x) > 0.05
+
+    def set_off(**goal):
+        # On a busy machine a robot may take longer to wake up than a goal is waited for.
+        assert any(send_goal(**goal) or wait_for(moves, 5.0) for _ in range(20))
+
+    node.wait_for, node.send_goal, node.moves, node.set_off = wait_for, send_goal, moves, set_off
     yield node
     node.destroy_node()
+
+
+@pytest.fixture
+def call(watcher):
+    """Return a function that returns a service's answer."""
+
+    def ask(kind, name, request):
+        client = watcher.create_client(kind, name)
+        assert watcher.wait_for(client.service_is_ready)
+        # The service is seen before it sees us, and an answer to nobody is lost.
+        watcher.wait_for(lambda: False, 1.0)
+        future = client.call_async(request)
+        assert watcher.wait_for(future.done)
+        return future.result()
+
+    return ask
+
+
+@pytest.fixture
+def state(call):
+    """Return a function that returns the policy node's state."""
+    from lifecycle_msgs.srv import GetState
+
+    request = GetState.Request()
+    return lambda: call(GetState, "/policy_node/get_state", request).current_state.label
+
+
+@pytest.fixture
+def change_state(call):
+    """Return a function that asks the policy node for a transition and tells whether it went."""
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState
+
+    def change(transition: str) -> bool:
+        number = getattr(Transition, f"TRANSITION_{transition.upper()}")
+        request = ChangeState.Request(transition=Transition(id=number))
+        return call(ChangeState, "/policy_node/change_state", request).success
+
+    return change
+
+
+@pytest.fixture
+def launch(rclpy):
+    """Return a function that launches navigate.launch.py; all is killed at the end."""
+    processes = []
+
+    def run(*arguments: str) -> subprocess.Popen:
+        command = ["ros2", "launch", "pm01_rl", "navigate.launch.py", *arguments]
+        processes.append(subprocess.Popen(command, start_new_session=True))
+        return processes[-1]
+
+    yield run
+    for process in processes:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+class Body:
+    """A robot that stands in free space and says so, in frames and by a clock of its own."""
+
+    def __init__(self, node) -> None:
+        self.node = node
+        self.clock: float | None = None
+        """Simulated time to begin with [s]; None is the wall's."""
+        self.map_to_odom: tuple[float, float] | None = None
+        """Where odometry's frame lies in the map; None is no map."""
+        self.lidar: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
+        """Where tf has the lidar; None is nowhere."""
+
+    def live(self) -> None:
+        """Begin to publish, twenty times a second."""
+        from nav_msgs.msg import Odometry
+        from rclpy.qos import qos_profile_sensor_data
+        from rosgraph_msgs.msg import Clock
+        from sensor_msgs.msg import LaserScan
+        from tf2_msgs.msg import TFMessage
+
+        create = self.node.create_publisher
+        self.clocks, self.transforms = create(Clock, "/clock", 10), create(TFMessage, "/tf", 10)
+        self.odometries = create(Odometry, "/odom", 10)
+        self.scans = create(LaserScan, "/scan", qos_profile_sensor_data)
+        self.node.create_timer(0.05, self.speak)
+
+    def speak(self) -> None:
+        from pm01_rl.conversions import (
+            odometry_message,
+            scan_message,
+            time_message,
+            transform_message,
+        )
+        from rosgraph_msgs.msg import Clock
+        from tf2_msgs.msg import TFMessage
+
+        from pm01_nav.deploy.messages import Odometry, Scan
+        from pm01_nav.robot import load_robot
+
+        now = time.time()
+        if self.clock is not None:
+            self.clock = now = self.clock + 0.05
+            self.clocks.publish(Clock(clock=time_message(now)))
+        lidar = load_robot("pm01").lidar
+        angles = (lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
+        free = np.full(lidar.num_beams, np.inf, dtype=np.float32)
+        frames = [transform_message(np.zeros(3), now, "odom", "base_link")]
+        if self.map_to_odom is not None:
+            place = np.array([*self.map_to_odom, 0.0])
+            frames.append(transform_message(place, now, "map", "odom"))
+        if self.lidar is not None:
+            frames.append(transform_message(np.array(self.lidar), now, "base_link", "laser"))
+        self.transforms.publish(TFMessage(transforms=frames))
+        odometry = Odometry(now, np.zeros(3), np.zeros(2))
+        self.odometries.publish(odometry_message(odometry, "odom", "base_link"))
+        self.scans.publish(scan_message(Scan(now, *angles, free), "laser", 0.05))
+
+
+@pytest.fixture
+def body(watcher):
+    """Return a robot that stands; ``live`` lets it publish."""
+    return Body(watcher)

@@ -26,16 +26,10 @@ def test_navigation_as_launched(rclpy, policy_file):
 
 
 @pytest.fixture
-def launched(rclpy, policy_file):
+def launched(launch, policy_file):
     """navigate.launch.py with a simulated robot at four times real time."""
     given = ("simulate:=true", "use_sim_time:=true", "world:=empty", "real_time_factor:=4.0")
-    process = subprocess.Popen(
-        ["ros2", "launch", "pm01_rl", "navigate.launch.py", f"policy:={policy_file}", *given],
-        start_new_session=True,
-    )
-    yield process
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+    return launch(f"policy:={policy_file}", *given)
 
 
 def process_of(launch: subprocess.Popen, executable: str) -> int:
@@ -53,7 +47,7 @@ def test_a_killed_policy_stops_the_robot(launched, watcher):
 
     speed = []
     watcher.create_subscription(Odometry, "/odom", lambda m: speed.append(m.twist.twist), 10)
-    watcher.send_goal()
+    watcher.set_off()
     assert watcher.wait_for(lambda: bool(speed) and speed[-1].linear.x > 0.1)
     os.kill(process_of(launched, "policy_node"), signal.SIGKILL)
     killed = time.monotonic()

@@ -8,58 +8,34 @@ import signal
 import time
 
 
-def call(node, kind, name, request):
-    client = node.create_client(kind, name)
-    assert node.wait_for(client.service_is_ready)
-    # The service is seen before it sees us, and an answer to nobody is lost.
-    node.wait_for(lambda: False, 1.0)
-    future = client.call_async(request)
-    assert node.wait_for(future.done)
-    return future.result()
-
-
-def state_of(node) -> str:
-    from lifecycle_msgs.srv import GetState
-
-    answer = call(node, GetState, "/policy_node/get_state", GetState.Request())
-    return answer.current_state.label
-
-
-def moves(node) -> bool:
-    return bool(node.commands) and abs(node.commands[-1][1].linear.x) > 0.05
-
-
-def test_a_policy_that_does_not_fit_the_robot_is_not_activated(start, watcher, policy_file):
-    from lifecycle_msgs.msg import Transition
-    from lifecycle_msgs.srv import ChangeState
-
+def test_a_policy_that_does_not_fit_the_robot_is_not_activated(
+    start, policy_file, state, change_state
+):
     start("policy_node", policy=policy_file, robot="jackal")
-    assert state_of(watcher) == "unconfigured"
-    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
-    answer = call(watcher, ChangeState, "/policy_node/change_state", request)
-    assert not answer.success
-    assert state_of(watcher) == "unconfigured"
+    assert state() == "unconfigured"
+    assert not change_state("configure")
+    assert state() == "unconfigured"
 
 
-def test_drives_stops_for_the_emergency_stop_and_for_a_dead_sensor(start, watcher, policy_file):
+def test_drives_stops_for_the_emergency_stop_and_for_a_dead_sensor(
+    start, watcher, policy_file, call
+):
     from std_srvs.srv import SetBool
 
     sim = start("sim_node", world="empty")
     start("policy_node", policy=policy_file, autostart="true", publish_markers="true")
     assert watcher.wait_for(lambda: bool(watcher.commands))
-    assert not moves(watcher)
-    watcher.send_goal()
-    assert watcher.wait_for(lambda: moves(watcher))
+    assert not watcher.moves()
+    watcher.set_off()
     name = "/policy_node/emergency_stop"
-    assert call(watcher, SetBool, name, SetBool.Request(data=True)).success
-    assert watcher.wait_for(lambda: not moves(watcher), 2.0)
-    call(watcher, SetBool, name, SetBool.Request(data=False))
-    assert not watcher.wait_for(lambda: moves(watcher), 1.0)
-    watcher.send_goal()
-    assert watcher.wait_for(lambda: moves(watcher))
+    assert call(SetBool, name, SetBool.Request(data=True)).success
+    assert watcher.wait_for(lambda: not watcher.moves(), 2.0)
+    call(SetBool, name, SetBool.Request(data=False))
+    assert not watcher.wait_for(lambda: watcher.moves(), 1.0)
+    watcher.set_off()
     os.killpg(sim.pid, signal.SIGKILL)
     killed = time.monotonic()
-    assert watcher.wait_for(lambda: not moves(watcher), 5.0)
+    assert watcher.wait_for(lambda: not watcher.moves(), 5.0)
     # Odometry may be 0.3 s old, a control step is 0.1 s; the rest is a busy machine's.
     assert watcher.commands[-1][0] - killed < 0.8
 
@@ -75,11 +51,11 @@ def test_the_watchdog_stops_a_base_whose_driver_is_killed(start, watcher):
 
     def told() -> bool:
         publisher.publish(command)
-        return moves(watcher)
+        return watcher.moves()
 
     assert watcher.wait_for(told)
     silent = time.monotonic()
-    assert watcher.wait_for(lambda: not moves(watcher), 5.0)
+    assert watcher.wait_for(lambda: not watcher.moves(), 5.0)
     # 200 ms are promised; the machine that runs tests may be busy.
     assert watcher.commands[-1][0] - silent < 0.6
 
@@ -116,30 +92,24 @@ def test_an_action_is_preempted_and_canceled(start, watcher, policy_file, rclpy)
     assert result.result().status == GoalStatus.STATUS_CANCELED
 
 
-def change_state(node, transition: str) -> bool:
-    from lifecycle_msgs.msg import Transition
-    from lifecycle_msgs.srv import ChangeState
-
-    number = getattr(Transition, f"TRANSITION_{transition.upper()}")
-    request = ChangeState.Request(transition=Transition(id=number))
-    return call(node, ChangeState, "/policy_node/change_state", request).success
-
-
-def test_whatever_ends_the_active_state_stops_the_robot(start, watcher, policy_file):
+def test_whatever_ends_the_active_state_stops_the_robot(
+    start, watcher, policy_file, state, change_state
+):
     start("sim_node", world="empty")
     start("policy_node", policy=policy_file, autostart="true")
     for transition in ("deactivate", "active_shutdown"):
-        if state_of(watcher) == "inactive":
-            assert change_state(watcher, "activate")
-        watcher.send_goal()
-        assert watcher.wait_for(lambda: moves(watcher))
-        assert change_state(watcher, transition)
-        assert watcher.wait_for(lambda: not moves(watcher), 2.0)
+        if state() == "inactive":
+            assert change_state("activate")
+        watcher.set_off()
+        assert change_state(transition)
+        assert watcher.wait_for(lambda: not watcher.moves(), 2.0)
         # And it is not told anything else afterwards.
-        assert not watcher.wait_for(lambda: moves(watcher), 1.0)
+        assert not watcher.wait_for(lambda: watcher.moves(), 1.0)
 
 
-def test_the_emergency_stop_holds_whoever_repeats_that_it_is_released(start, watcher, policy_file):
+def test_the_emergency_stop_holds_whoever_repeats_that_it_is_released(
+    start, watcher, policy_file, change_state, call
+):
     from std_msgs.msg import Bool
     from std_srvs.srv import SetBool
 
@@ -147,22 +117,20 @@ def test_the_emergency_stop_holds_whoever_repeats_that_it_is_released(start, wat
     start("policy_node", policy=policy_file, autostart="true")
     button = watcher.create_publisher(Bool, "/emergency_stop", 1)
     assert watcher.wait_for(lambda: button.get_subscription_count() > 0)
-    watcher.send_goal()
-    assert watcher.wait_for(lambda: moves(watcher))
+    watcher.set_off()
     # A button that says ten times a second that nobody presses it does not end the goal...
     watcher.create_timer(0.1, lambda: button.publish(Bool(data=False)))
-    assert not watcher.wait_for(lambda: not moves(watcher), 1.5)
+    assert not watcher.wait_for(lambda: not watcher.moves(), 1.5)
     # ... and does not release what the service presses, nor does a change of state.
     name = "/policy_node/emergency_stop"
-    assert call(watcher, SetBool, name, SetBool.Request(data=True)).success
-    assert watcher.wait_for(lambda: not moves(watcher), 2.0)
+    assert call(SetBool, name, SetBool.Request(data=True)).success
+    assert watcher.wait_for(lambda: not watcher.moves(), 2.0)
     for transition in ("deactivate", "cleanup", "configure", "activate"):
-        assert change_state(watcher, transition)
+        assert change_state(transition)
     watcher.send_goal()
-    assert not watcher.wait_for(lambda: moves(watcher), 1.5)
-    assert call(watcher, SetBool, name, SetBool.Request(data=False)).success
-    watcher.send_goal()
-    assert watcher.wait_for(lambda: moves(watcher))
+    assert not watcher.wait_for(lambda: watcher.moves(), 1.5)
+    assert call(SetBool, name, SetBool.Request(data=False)).success
+    watcher.set_off()
 
 
 def test_an_emergency_stop_that_was_latched_before_the_start_is_heard(start, watcher, policy_file):
@@ -175,10 +143,12 @@ def test_an_emergency_stop_that_was_latched_before_the_start_is_heard(start, wat
     start("policy_node", policy=policy_file, autostart="true")
     assert watcher.wait_for(lambda: bool(watcher.commands))
     watcher.send_goal()
-    assert not watcher.wait_for(lambda: moves(watcher), 1.5)
+    assert not watcher.wait_for(lambda: watcher.moves(), 1.5)
 
 
-def test_a_change_that_would_have_no_effect_is_refused(start, watcher, policy_file):
+def test_a_change_that_would_have_no_effect_is_refused(
+    start, watcher, policy_file, change_state, call
+):
     from rcl_interfaces.msg import Parameter, ParameterValue
     from rcl_interfaces.srv import SetParameters
 
@@ -187,15 +157,17 @@ def test_a_change_that_would_have_no_effect_is_refused(start, watcher, policy_fi
     def set_padding() -> bool:
         value = ParameterValue(type=3, double_value=0.3)
         request = SetParameters.Request(parameters=[Parameter(name="safety.padding", value=value)])
-        answer = call(watcher, SetParameters, "/policy_node/set_parameters", request)
+        answer = call(SetParameters, "/policy_node/set_parameters", request)
         return answer.results[0].successful
 
     assert set_padding()
-    assert change_state(watcher, "configure")
+    assert change_state("configure")
     assert not set_padding()
 
 
-def test_no_action_is_accepted_that_cannot_be_driven(start, watcher, policy_file):
+def test_no_action_is_accepted_that_cannot_be_driven(
+    start, watcher, policy_file, state, change_state
+):
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionClient
 
@@ -212,10 +184,10 @@ def test_no_action_is_accepted_that_cannot_be_driven(start, watcher, policy_file
         assert watcher.wait_for(future.done)
         return future.result().accepted
 
-    assert watcher.wait_for(lambda: state_of(watcher) == "active")
+    assert watcher.wait_for(lambda: state() == "active")
     assert not accepted(float("nan"))
     assert accepted(40.0)
-    assert change_state(watcher, "deactivate")
+    assert change_state("deactivate")
     assert not accepted(40.0)
 
 
@@ -244,7 +216,7 @@ def test_a_transform_that_is_published_no_longer_stops_the_robot(start, watcher,
     from tf2_msgs.msg import TFMessage
 
     start("sim_node", world="empty")
-    start("policy_node", policy=policy_file, autostart="true")
+    start("policy_node", policy=policy_file, autostart="true", global_frame="elsewhere")
     publisher = watcher.create_publisher(TFMessage, "/tf", 10)
     last = []
 
@@ -259,16 +231,15 @@ def test_a_transform_that_is_published_no_longer_stops_the_robot(start, watcher,
         last.append(time.monotonic())
 
     timer = watcher.create_timer(0.05, publish)
-    watcher.send_goal(frame="elsewhere")
-    assert watcher.wait_for(lambda: moves(watcher))
-    assert not watcher.wait_for(lambda: not moves(watcher), 1.5)
+    watcher.set_off(frame="elsewhere")
+    assert not watcher.wait_for(lambda: not watcher.moves(), 1.5)
     timer.cancel()
-    assert watcher.wait_for(lambda: not moves(watcher), 5.0)
+    assert watcher.wait_for(lambda: not watcher.moves(), 5.0)
     # It may be 1 s old from its arrival on, whatever its date; a step is 0.1 s.
     assert watcher.commands[-1][0] - last[-1] < 2.0
     # It goes on when the transform comes again.
     timer.reset()
-    assert watcher.wait_for(lambda: moves(watcher))
+    assert watcher.wait_for(lambda: watcher.moves())
 
 
 def test_rviz_is_shown_what_the_policy_sees(start, watcher, policy_file):

@@ -14,6 +14,8 @@ from pm01_nav.deploy.safety import Reason
 
 QUIET = frozenset((Reason.NO_GOAL, Reason.SLOWED))
 """Reasons that nobody needs to look into."""
+ERRORS = frozenset((Reason.POLICY_FAILED, Reason.EMERGENCY_STOP, Reason.WRONG_MOUNT))
+"""Reasons that somebody must do something about."""
 
 ROUNDING = 1e-6
 """Of times in [s]; a simulated clock ticks in halves of the period, so that equality is common."""
@@ -44,27 +46,29 @@ class Timing:
 
 
 def diagnostics(
-    stamp: Time, policy: str, status: Status | None, timing: Timing, failure: str | None
+    stamp: Time, status: Status | None, timing: Timing, notes: dict[str, str]
 ) -> DiagnosticArray:
-    """Return one message about the latest step."""
+    """Return one message about the latest step, with ``notes`` beside it."""
     reasons = status.verdict.reasons if status else ()
-    bad = [reason for reason in reasons if reason not in QUIET]
+    said = [reason.value for reason in reasons]
+    bad = any(reason not in QUIET for reason in reasons)
+    if notes["second_publishers"]:
+        bad = True
+        said.append(f"commands come from {notes['second_publishers']}, too")
     level = DiagnosticStatus.WARN if bad else DiagnosticStatus.OK
-    if Reason.POLICY_FAILED in reasons or Reason.EMERGENCY_STOP in reasons:
+    if notes["other_servers"] or not ERRORS.isdisjoint(reasons):
         level = DiagnosticStatus.ERROR
-    values = {
-        "policy": policy,
+    values = notes | {
         "goal_distance": f"{status.goal_distance:.2f}" if status else "",
         "control_steps": str(timing.steps),
         "late_steps": str(timing.late),
         "step_p50_ms": f"{1e3 * timing.percentile(50):.2f}",
         "step_p99_ms": f"{1e3 * timing.percentile(99):.2f}",
-        "policy_failure": failure or "",
     }
     entry = DiagnosticStatus(
         level=level,
         name="pm01_rl: policy",
-        message="; ".join(reason.value for reason in reasons) or "driving",
+        message="; ".join(said) or "driving",
         values=[KeyValue(key=key, value=value) for key, value in values.items()],
     )
     message = DiagnosticArray(status=[entry])

@@ -1,48 +1,118 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals from RViz and from ``NavigateToPose``, kept in place by tf2."""
+"""Goals from RViz and from Nav2's actions, and where they lie in odometry's frame, by tf2."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
 
 import numpy as np
-from builtin_interfaces.msg import Time as TimeMessage
 from geometry_msgs.msg import PoseStamped
-from nav2_msgs.action import NavigateToPose
-from rclpy.action.server import ServerGoalHandle
-from rclpy.task import Future
+from nav2_msgs.action import NavigateThroughPoses, NavigateToPose
 from rclpy.time import Time
 from tf2_ros import Buffer, TransformException
 
-from pm01_nav.deploy.controller import Goal, Status
+from pm01_nav.deploy.controller import Status
 from pm01_nav.deploy.freshness import Stream
-from pm01_nav.deploy.messages import seconds, yaw_of_quaternion
+from pm01_nav.deploy.goals import Goal
+from pm01_nav.deploy.messages import heading_of, seconds, yaw_of_quaternion
+from pm01_nav.deploy.safety import Reason
 from pm01_nav.geometry import to_world
-from pm01_rl.conversions import quaternion
 
-UNKNOWN = 9000
-"""``NavigateToPose``'s code for an end that has none of its own."""
+
+class Outcome(NamedTuple):
+    """How an errand ended, kept apart from whatever comes after it."""
+
+    kind: str
+    """arrived, canceled, dropped, preempted or stopped."""
+    reasons: tuple[Reason, ...] = ()
+    detail: str = ""
+
+    def __str__(self) -> str:
+        """Say it in a line."""
+        said = [reason.value for reason in self.reasons if reason is not Reason.NO_GOAL]
+        return "; ".join([self.kind, *said, *filter(None, [self.detail])])
+
+
+class Frames(NamedTuple):
+    """The two frames that stand still (REP-105)."""
+
+    odometry: str
+    map: str
+
+
+class Place(NamedTuple):
+    """A goal in a frame that stands still."""
+
+    frame: str
+    x: float
+    y: float
+    yaw: float | None
+
+
+class Client(Protocol):
+    """Whoever sent an errand by an action, and hears of its end."""
+
+    def end(self, outcome: Outcome) -> None:
+        """Hear it."""
+        ...
 
 
 @dataclass
 class Errand:
-    """A goal as it was given, and who waits for its end."""
+    """One or several goals as they were given, and who waits for their end."""
 
-    pose: PoseStamped
+    poses: list[PoseStamped]
     started: float
-    handle: ServerGoalHandle | None = None
-    """The action's goal; None for a goal from a topic."""
-    ended: Future = field(default_factory=Future)
-    """Gets the outcome: arrived, canceled, dropped, preempted or stopped."""
-    placed: bool = False
-    """Whether its place in the odometry frame was known yet."""
+    client: Client | None = None
+    """Who sent it by an action; None for a goal from a topic."""
+    elapsed: float = 0.0
+    """Since it started [s]."""
+    places: list[Place] = field(default_factory=list)
+    """Where the poses are; empty until tf knows all their frames."""
+    begun: bool = False
+    """Whether the controller has the goals."""
+    remaining: int = 0
+    """How many of the poses are still to be reached."""
     transforms: Stream = field(default_factory=Stream)
 
-    def end(self, outcome: str) -> None:
-        """Say how it ended, once."""
-        if not self.ended.done():
-            self.ended.set_result(outcome)
+    def __post_init__(self) -> None:
+        """Nothing is reached yet."""
+        self.remaining = len(self.poses)
+
+    def end(self, outcome: Outcome) -> None:
+        """Say how it ended."""
+        if self.client is not None:
+            self.client.end(outcome)
+
+    def locate(self, frames: Frames, buffer: Buffer) -> bool:
+        """Find out, once, where the poses are; tell whether it is known."""
+        if not self.places:
+            found = [anchored(pose, frames, buffer) for pose in self.poses]
+            if None not in found:
+                self.places = found
+        return bool(self.places)
+
+    def goals(self, frames: Frames, buffer: Buffer) -> tuple[list[Goal] | None, float | None]:
+        """Return the goals that remain in odometry's frame, and the transform's stamp [s].
+
+        The goals are None where tf does not know the way from the map; the stamp is None where no
+        transform was needed, or a fixed one.
+        """
+        places = self.places[len(self.places) - self.remaining :]
+        if all(place.frame == frames.odometry for place in places):
+            return [Goal(place.x, place.y, place.yaw) for place in places], None
+        try:
+            found = buffer.lookup_transform(frames.odometry, frames.map, Time())
+        except TransformException:
+            return None, None
+        frame = planar(found.transform)
+        stamp = seconds(found.header.stamp) or None
+        return [
+            Goal(p.x, p.y, p.yaw) if p.frame == frames.odometry else Goal(*moved(p, frame))
+            for p in places
+        ], stamp
 
     def transform_age(self, stamp: float | None, now: float, clock: float) -> float:
         """Return how old the transform is that was just used [s]; 0 for a fixed one, None.
@@ -58,57 +128,56 @@ class Errand:
 
 
 def is_place(pose: PoseStamped) -> bool:
-    """Tell whether a pose has a finite position on the floor."""
-    return math.isfinite(pose.pose.position.x) and math.isfinite(pose.pose.position.y)
+    """Tell whether a pose has a finite position on the floor and a heading, or asks for none."""
+    heading = heading_of(pose.pose)
+    numbers = (pose.pose.position.x, pose.pose.position.y, heading or 0.0)
+    return all(map(math.isfinite, numbers))
 
 
-def goal_in_odometry(
-    pose: PoseStamped, odometry_frame: str, buffer: Buffer
-) -> tuple[Goal | None, float | None]:
-    """Return where a goal lies in the odometry frame, and the stamp of the transform used [s].
+def anchored(pose: PoseStamped, frames: Frames, buffer: Buffer) -> Place | None:
+    """Return where a pose was at its stamp, in a frame that stands still; None if tf cannot say.
 
-    The goal is None without a transform; the stamp is None where the transform is fixed.
+    A pose in a frame that moves, such as base_link, would otherwise move along with the robot. As
+    in Nav2 it is fixed in the map; where there is no map, in odometry's frame.
     """
-    place = np.array([pose.pose.position.x, pose.pose.position.y])
-    frame = pose.header.frame_id or odometry_frame
-    if frame == odometry_frame:
-        return Goal(float(place[0]), float(place[1])), None
+    point, heading = pose.pose.position, heading_of(pose.pose)
+    place = Place(pose.header.frame_id or frames.odometry, point.x, point.y, heading)
+    if place.frame in frames:
+        return place
+    has_map = buffer.can_transform(frames.map, frames.odometry, Time())
+    target = frames.map if has_map else frames.odometry
     try:
-        found = buffer.lookup_transform(odometry_frame, frame, Time())
+        found = buffer.lookup_transform(target, place.frame, Time.from_msg(pose.header.stamp))
     except TransformException:
-        return None, None
-    shift, turn = found.transform.translation, found.transform.rotation
-    yaw = yaw_of_quaternion(turn.x, turn.y, turn.z, turn.w)
-    x, y = to_world(place, np.array([shift.x, shift.y, yaw]))
-    return Goal(float(x), float(y)), seconds(found.header.stamp) or None
+        return None
+    return Place(target, *moved(place, planar(found.transform)))
 
 
-def feedback(
-    pose: np.ndarray | None, stamp: TimeMessage, frame: str, distance: float, elapsed: float
-) -> NavigateToPose.Feedback:
-    """Return what a client of ``NavigateToPose`` is told on the way.
-
-    ``pose`` (3,) is the robot's in the odometry ``frame``; ``elapsed`` [s] is since the goal came.
-    """
-    message = NavigateToPose.Feedback()
-    message.distance_remaining = distance if math.isfinite(distance) else -1.0
-    message.navigation_time.sec = int(elapsed)
-    message.current_pose.header.stamp, message.current_pose.header.frame_id = stamp, frame
-    if pose is not None:
-        place = message.current_pose.pose
-        place.position.x, place.position.y = float(pose[0]), float(pose[1])
-        place.orientation = quaternion(float(pose[2]))
-    return message
+def planar(transform: object) -> np.ndarray:
+    """Return x, y, yaw of a ``geometry_msgs/Transform``, shape (3,) [m, m, rad]."""
+    shift, turn = transform.translation, transform.rotation
+    return np.array([shift.x, shift.y, yaw_of_quaternion(turn.x, turn.y, turn.z, turn.w)])
 
 
-def result(outcome: str, status: Status | None) -> NavigateToPose.Result:
-    """Return what a client is told at the end: from Jazzy on also why."""
-    message = NavigateToPose.Result()
-    if outcome == "arrived":
+def moved(place: Place, frame: np.ndarray) -> tuple[float, float, float | None]:
+    """Return x, y and yaw of a place in the frame in which its own is at ``frame`` (3,)."""
+    x, y = to_world(np.array([place.x, place.y]), frame)
+    return float(x), float(y), None if place.yaw is None else place.yaw + float(frame[2])
+
+
+def result(action: type, outcome: Outcome) -> NavigateToPose.Result | NavigateThroughPoses.Result:
+    """Return what a client of ``action`` is told at the end: from Jazzy on also why."""
+    message = action.Result()
+    if outcome.kind == "arrived":
         return message
     if hasattr(message, "error_code"):
-        message.error_code = UNKNOWN
+        lost = Reason.LOST_TRANSFORM in outcome.reasons
+        message.error_code = message.TF_ERROR if lost else message.UNKNOWN
     if hasattr(message, "error_msg"):
-        reasons = status.verdict.reasons if status else ()
-        message.error_msg = "; ".join([outcome, *(reason.value for reason in reasons)])
+        message.error_msg = str(outcome)
     return message
+
+
+def outcome_of(kind: str, status: Status | None, detail: str | None) -> Outcome:
+    """Return an outcome with the reasons of the step in which it came about."""
+    return Outcome(kind, status.verdict.reasons if status else (), detail or "")

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 
+from pm01_nav.deploy.controller import PATIENCE_S, YAW_TOLERANCE
 from pm01_nav.deploy.safety import SafetyConfig
 
 SAFETY_RANGES = {
@@ -39,11 +41,27 @@ def bounded(text: str, low: float, high: float) -> ParameterDescriptor:
     return ParameterDescriptor(description=text, floating_point_range=[limits])
 
 
-def declare_safety(node: Node) -> None:
-    """Declare ``safety.*`` with the defaults of ``SafetyConfig``."""
+def declare_parameters(node: Node) -> None:
+    """Declare what the policy node can be told."""
+    declare, fixed = node.declare_parameter, {"read_only": True}
+    declare("policy", "", described("The policy's file, policy.onnx."))
+    declare("robot", "", described("A robot's name or YAML; empty: the policy's own."))
+    declare("goal_radius", 0.0, bounded("Near enough to a goal [m]; 0: the policy's.", 0, 10))
+    text = "Near enough to a goal's heading [rad]; from pi on any heading will do."
+    declare("yaw_goal_tolerance", YAW_TOLERANCE, bounded(text, 0.01, 2.0 * math.pi))
+    text = "After so long of standing, or of a frame that tf does not know, goals are given up [s]."
+    declare("goal_patience_s", PATIENCE_S, bounded(text, 0.1, 3600.0))
+    declare("cmd_vel_stamped", False, described("Publish TwistStamped, not Twist.", **fixed))
+    declare("base_frame", "base_link", described("The robot's frame.", **fixed))
+    declare("global_frame", "map", described("The frame that localisation corrects.", **fixed))
+    text = "What the base listens to, where our cmd_vel is passed on: watched for others."
+    declare("base_topic", "cmd_vel", described(text, **fixed))
+    declare("exclusive", False, described("Stand while somebody else publishes commands, too."))
+    declare("publish_markers", True, described("Whether RViz gets something to show."))
+    declare("autostart", False, described("Configure and activate at once.", **fixed))
     for name, default in asdict(SafetyConfig()).items():
         low, high, text = SAFETY_RANGES[name]
-        node.declare_parameter(f"safety.{name}", default, bounded(text, low, high))
+        declare(f"safety.{name}", default, bounded(text, low, high))
 
 
 def read_safety(node: Node) -> SafetyConfig:

@@ -8,35 +8,36 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
-from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import Odometry as OdometryMessage
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock, ClockType, JumpThreshold
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
-from std_msgs.msg import Bool
-from std_srvs.srv import SetBool
 from tf2_ros import Buffer, TransformListener
 from visualization_msgs.msg import MarkerArray
 
 from pm01_nav.deploy.assembly import load_controller
 from pm01_nav.deploy.controller import Controller, Status
 from pm01_nav.deploy.messages import odometry_from_ros, scan_from_ros
-from pm01_nav.deploy.safety import STOP, Command
-from pm01_nav.deploy.watchdog import Watchdog
+from pm01_nav.deploy.safety import STOP, Command, Reason
+from pm01_nav.deploy.watchdog import Turn, Watchdog
 from pm01_nav.errors import InputError
+from pm01_rl.action_servers import ACTIONS, Client, GoalServers
 from pm01_rl.conversions import command_message
 from pm01_rl.diagnostics import Timing, diagnostics
-from pm01_rl.goals import Errand, feedback, goal_in_odometry, is_place, result
+from pm01_rl.emergency_stop import EmergencyStop
+from pm01_rl.goals import Errand, Frames, Outcome, is_place, outcome_of
+from pm01_rl.lidar_mount import LidarMount
 from pm01_rl.markers import markers
-from pm01_rl.parameters import bounded, declare_safety, described, read_safety
-from pm01_rl.running import LATCHED, NO_EVENTS, ros
+from pm01_rl.others import DISCOVERY_S, Others
+from pm01_rl.parameters import declare_parameters, read_safety
+from pm01_rl.running import ros
 
 NEWEST = QoSProfile(depth=1)
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -53,34 +54,20 @@ class PolicyNode(LifecycleNode):
     def __init__(self, **options: object) -> None:
         """Declare parameters and listen to the emergency stop; the rest waits for ``configure``."""
         super().__init__("policy_node", **options)
-        declare, fixed = self.declare_parameter, {"read_only": True}
-        declare("policy", "", described("The policy's file, policy.onnx."))
-        declare("robot", "", described("A robot's name or YAML; empty: the policy's own."))
-        declare("goal_radius", 0.0, bounded("Near enough to a goal [m]; 0: the policy's.", 0, 10))
-        declare("cmd_vel_stamped", False, described("Publish TwistStamped, not Twist.", **fixed))
-        declare("base_frame", "base_link", described("The robot's frame.", **fixed))
-        declare("publish_markers", True, described("Whether RViz gets something to show."))
-        declare("autostart", False, described("Configure and activate at once.", **fixed))
-        declare_safety(self)
+        declare_parameters(self)
         self.add_on_set_parameters_callback(self._on_parameters)
         self.controller: Controller | None = None
         self._active = False
-        self._pressed: set[str] = set()
-        """Who presses the emergency stop; no change of state releases it."""
+        self._born = time.monotonic()
         self._errand: Errand | None = None
         self._status: Status | None = None
-        self._odometry_frame = "odom"
+        self._frames = Frames("odom", str(self._value("global_frame")))
         self._watchdog: Watchdog | None = None
         self._commands: Publisher | None = None
-        self._action: ActionServer | None = None
+        self._servers: GoalServers | None = None
         self._from_configure: list[object] = []
         self._from_activate: list[object] = []
-        # A button that latches its state is asked for it; one that does not would not answer that.
-        for qos in (QoSProfile(depth=10), LATCHED):
-            self.create_subscription(
-                Bool, "emergency_stop", self._on_emergency, qos, event_callbacks=NO_EVENTS
-            )
-        self.create_service(SetBool, "~/emergency_stop", self._on_emergency_service)
+        self._stop_button = EmergencyStop(self, self._on_emergency)
 
     def _value(self, name: str) -> object:
         return self.get_parameter(name).value
@@ -104,7 +91,7 @@ class PolicyNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the policy; it must fit the robot."""
         try:
-            self.controller = load_controller(
+            self.controller = controller = load_controller(
                 str(self._value("policy")),
                 str(self._value("robot")) or None,
                 goal_radius=float(self._value("goal_radius")) or None,
@@ -114,37 +101,56 @@ class PolicyNode(LifecycleNode):
         except InputError as error:
             self.get_logger().error(f"not configured: {error}")
             return FAILURE
-        for source in self._pressed:
-            self.controller.set_emergency(True, source)
+        controller.patience_s = float(self._value("goal_patience_s"))
+        controller.yaw_tolerance = float(self._value("yaw_goal_tolerance"))
+        for source in self._stop_button.sources:
+            controller.set_emergency(True, source)
         self._kind = TwistStamped if self._value("cmd_vel_stamped") else Twist
         self._commands = self.create_publisher(self._kind, "cmd_vel", NEWEST)
         self._markers = self.create_publisher(MarkerArray, "~/markers", NEWEST)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._from_configure = [self._commands, self._markers, self._diagnostics]
+        self._listen_to_tf()
+        self._from_configure = [
+            self._commands,
+            self._markers,
+            self._diagnostics,
+            # From here on, so that the lidar's place is known before the robot may move.
+            self.create_subscription(LaserScan, "scan", self._on_scan, qos_profile_sensor_data),
+        ]
         # From here to the clean-up, so that what is under way can still tell its client its end.
-        self._action = ActionServer(
-            self,
-            NavigateToPose,
-            "navigate_to_pose",
-            self._on_errand,
-            goal_callback=self._on_goal_request,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
-        )
+        self._servers = GoalServers(self, self._is_ready, self._begin, self._on_cancel)
+        self._others = Others(self, ACTIONS, "cmd_vel", str(self._value("base_topic")))
         return SUCCESS
 
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to listen and to drive."""
-        assert self.controller is not None
-        sim_time = bool(self._value("use_sim_time"))
-        self._timing = Timing(self.controller.control_dt)
+    def _listen_to_tf(self) -> None:
+        """Collect transforms; those from before a clock went back would outlive all new ones."""
         self._buffer = Buffer()
         # A short queue: what waits in a long one is old by the time it is read.
         self._listener = TransformListener(self._buffer, self, qos=QoSProfile(depth=10))
+        backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1))
+        self._jumps = self.get_clock().create_jump_callback(
+            backward, post_callback=lambda _: self._buffer.clear()
+        )
+        base_frame = str(self._value("base_frame"))
+        self._mount = LidarMount(self.controller.robot.lidar, base_frame, self._buffer)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to listen and to drive, unless that would end badly."""
+        assert self.controller is not None
+        time.sleep(max(0.0, self._born + DISCOVERY_S - time.monotonic()))
+        self._others.look()
+        obstacles = [self._mount.difference, self._others.shared_actions]
+        for obstacle in filter(None, obstacles):
+            self.get_logger().error(f"not activated: {obstacle}")
+        if any(obstacles):
+            return FAILURE
+        sim_time = bool(self._value("use_sim_time"))
+        self._timing = Timing(self.controller.control_dt)
+        self._turn = Turn(time.monotonic())
         # The wall's clock may be set, and a timer that follows it back would not fire for long.
         clock = self.get_clock() if sim_time else Clock(clock_type=ClockType.STEADY_TIME)
         subscribe = self.create_subscription
         self._from_activate = [
-            subscribe(LaserScan, "scan", self._on_scan, qos_profile_sensor_data),
             subscribe(OdometryMessage, "odom", self._on_odometry, qos_profile_sensor_data),
             subscribe(PoseStamped, "goal_pose", self._on_goal_pose, NEWEST),
             self.create_timer(self.controller.control_dt, self._control, clock=clock),
@@ -152,7 +158,7 @@ class PolicyNode(LifecycleNode):
         ]
         if not sim_time:
             # Simulated time may stand still or race; only a robot's is the wall's.
-            self._watchdog = Watchdog(lambda: self._tell(STOP))
+            self._watchdog = Watchdog(lambda: self._publish(STOP))
             self._watchdog.start()
         self._active = True
         return SUCCESS
@@ -186,16 +192,17 @@ class PolicyNode(LifecycleNode):
             self._watchdog = None
         self._end_errand("stopped")
         self.stop()
-        if self._from_activate:
-            self._listener.unregister()
         self._destroy(self._from_activate)
 
     def _forget(self) -> None:
         """Release what ``on_configure`` made, however far it came."""
-        if self._action is not None:
-            self._action.destroy()
+        if self._servers is not None:
+            self._servers.destroy()
+        if self._from_configure:
+            self._jumps.unregister()
+            self._listener.unregister()
         self._destroy(self._from_configure)
-        self.controller = self._commands = self._action = None
+        self.controller = self._commands = self._servers = None
 
     def _destroy(self, entities: list[object]) -> None:
         kinds = (self.destroy_publisher, self.destroy_subscription, self.destroy_timer)
@@ -206,70 +213,56 @@ class PolicyNode(LifecycleNode):
     # Messages in
 
     def _on_scan(self, message: LaserScan) -> None:
-        self.controller.see_scan(scan_from_ros(message), self._now())
+        self._mount.look(message.header.frame_id)
+        if self._active:
+            self.controller.see_scan(self._mount.upright(scan_from_ros(message)), self._now())
 
     def _on_odometry(self, message: OdometryMessage) -> None:
-        self._odometry_frame = message.header.frame_id
+        self._frames = self._frames._replace(odometry=message.header.frame_id)
         self.controller.see_odometry(odometry_from_ros(message), self._now())
 
     def _on_goal_pose(self, pose: PoseStamped) -> None:
         if not is_place(pose):
-            self.get_logger().error("goal_pose: its position is not finite; the robot stands")
+            self.get_logger().error("goal_pose: it is not finite; the robot stands")
             self._end_errand("dropped")
             return
-        self._begin(Errand(pose, self._now()))
+        self._begin([pose])
 
-    def _on_goal_request(self, goal: NavigateToPose.Goal) -> GoalResponse:
-        ready = self._active and not self._pressed and is_place(goal.pose)
-        return GoalResponse.ACCEPT if ready else GoalResponse.REJECT
-
-    async def _on_errand(self, handle: ServerGoalHandle) -> NavigateToPose.Result:
-        errand = Errand(handle.request.pose, self._now(), handle)
-        self._begin(errand)
-        outcome = await errand.ended
-        if outcome == "arrived":
-            handle.succeed()
-        elif outcome == "canceled":
-            handle.canceled()
-        else:
-            handle.abort()
-        return result(outcome, self._status)
-
-    def _on_emergency(self, message: Bool) -> None:
-        self._press(message.data, "topic")
-
-    def _on_emergency_service(
-        self, request: SetBool.Request, response: SetBool.Response
-    ) -> SetBool.Response:
-        self._press(request.data, "service")
-        response.success = request.data or not self._pressed
-        response.message = "released; send a new goal to go on"
-        if self._pressed:
-            response.message = f"pressed by {' and '.join(sorted(self._pressed))}"
-        return response
-
-    def _press(self, pressed: bool, source: str) -> None:
-        """Press or release the emergency stop of one source."""
-        (self._pressed.add if pressed else self._pressed.discard)(source)
+    def _on_emergency(self, pressed: bool, source: str) -> None:
         if self.controller is not None:
             self.controller.set_emergency(pressed, source)
-        if self._pressed:
+        if self._stop_button.pressed:
             self.stop()
             self._end_errand("dropped")
 
-    def _begin(self, errand: Errand) -> None:
-        """Head for another goal instead of the present one."""
-        self._end_errand("preempted")
-        if not self._active or self._pressed:
-            errand.end("dropped")
-            return
-        self._errand = errand
+    # Errands
 
-    def _end_errand(self, outcome: str) -> None:
+    def _is_ready(self) -> bool:
+        """Tell whether a goal would be driven to, and by nobody but us."""
+        sound = self._mount.difference is None and not self._others.servers
+        return self._active and not self._stop_button.pressed and sound
+
+    def _begin(self, poses: list[PoseStamped], client: Client | None = None) -> None:
+        """Head for other goals instead of the present ones."""
+        self._end_errand("preempted")
+        errand = Errand(poses, self._now(), client)
+        if self._active and not self._stop_button.pressed:
+            self._errand = errand
+        else:
+            errand.end(Outcome("dropped"))
+
+    def _on_cancel(self, handle: ServerGoalHandle) -> None:
+        errand = self._errand
+        if errand is not None and errand.client is not None and errand.client.handle is handle:
+            self._end_errand("canceled")
+
+    def _end_errand(self, kind: str, status: Status | None = None) -> None:
         errand, self._errand = self._errand, None
-        if self.controller is not None:
-            self.controller.cancel()
+        if self.controller is None:
+            return
+        self.controller.cancel()
         if errand is not None:
+            outcome = outcome_of(kind, status, self.controller.failure)
             errand.end(outcome)
             self.get_logger().info(f"goal: {outcome}")
 
@@ -278,46 +271,72 @@ class PolicyNode(LifecycleNode):
     def _control(self) -> None:
         """Make one control step: this is the timer's callback."""
         began, now = time.perf_counter(), self._now()
-        transform_age = self._place_goal(now)
-        status = self.controller.step(now, transform_age)
-        self._tell(status.verdict.command)
-        self._status = status
+        self._hold_for_others()
+        transform_age = self._place_goals(now)
+        driving = self._errand is not None
+        self._status = status = self.controller.step(now, transform_age)
+        self._tell(status.verdict.command, driving or self._stop_button.pressed)
         self._timing.note(now, time.perf_counter() - began)
-        if status.arrived:
-            self._end_errand("arrived")
-        elif status.dropped:
-            self._end_errand("dropped")
+        if Reason.CLOCK_JUMP in status.verdict.reasons:
+            self._buffer.clear()
+        self._follow_errand(status, now)
         self._report(now)
 
-    def _place_goal(self, now: float) -> float:
-        """Keep the controller's goal where its frame has it; return the transform's age [s]."""
+    def _hold_for_others(self) -> None:
+        """Let the robot stand for what only this node sees."""
+        hold, exclusive = self.controller.supervisor.hold, bool(self._value("exclusive"))
+        if exclusive and self._errand is not None:
+            self._others.look_for_publishers()
+        hold(Reason.SECOND_PUBLISHER, exclusive and bool(self._others.publishers))
+        hold(Reason.WRONG_MOUNT, self._mount.difference is not None)
+
+    def _place_goals(self, now: float) -> float:
+        """Keep the goals where their frame has them; return the transform's age [s]."""
         errand = self._errand
         if errand is None:
             return 0.0
-        if errand.handle is not None and errand.handle.is_cancel_requested:
-            self._end_errand("canceled")
-            return 0.0
-        goal, stamp = goal_in_odometry(errand.pose, self._odometry_frame, self._buffer)
-        if goal is None:
+        if not errand.locate(self._frames, self._buffer):
             return math.inf
-        if errand.placed:
-            self.controller.move_goal(goal)
+        goals, stamp = errand.goals(self._frames, self._buffer)
+        if goals is None:
+            return math.inf
+        if errand.begun:
+            self.controller.move_goals(goals)
         else:
-            self.controller.set_goal(goal)
-            errand.placed = True
+            self.controller.set_goals(goals)
+            errand.begun = True
         return errand.transform_age(stamp, now, self.get_clock().now().nanoseconds * 1e-9)
 
-    def _tell(self, command: Command) -> None:
-        """Publish a command."""
+    def _follow_errand(self, status: Status, now: float) -> None:
+        """End the errand when it is done, or when nobody waits for it any more."""
+        errand = self._errand
+        if errand is None:
+            return
+        # The clock may have gone back.
+        errand.elapsed = abs(now - errand.started)
+        waited = errand.elapsed > float(self._value("goal_patience_s"))
+        if errand.begun:
+            errand.remaining = status.remaining
+        if status.arrived and status.remaining == 0:
+            self._end_errand("arrived")
+        elif status.dropped or (waited and not errand.begun):
+            self._end_errand("dropped", status)
+
+    def _tell(self, command: Command, driving: bool) -> None:
+        """Publish a command while it is our turn."""
+        if self._turn.is_ours(driving, time.monotonic()):
+            self._publish(command)
+        if self._watchdog is not None:
+            self._watchdog.feed(driving)
+
+    def _publish(self, command: Command) -> None:
         stamp, frame = self.get_clock().now().to_msg(), str(self._value("base_frame"))
         self._commands.publish(command_message(self._kind, command, stamp, frame))
-        if self._watchdog is not None:
-            self._watchdog.feed()
 
     def stop(self) -> None:
         """Tell the robot to stop, if there is anybody to tell it."""
         if self._commands is not None:
-            self._tell(STOP)
+            self._publish(STOP)
 
     # Reports
 
@@ -325,27 +344,26 @@ class PolicyNode(LifecycleNode):
         """Tell the action's client, and RViz."""
         status, controller, errand = self._status, self.controller, self._errand
         stamp = self.get_clock().now().to_msg()
-        if errand is not None and errand.handle is not None:
-            pose, distance = controller.supervisor.pose(now), status.goal_distance
-            message = feedback(pose, stamp, self._odometry_frame, distance, now - errand.started)
-            errand.handle.publish_feedback(message)
+        if errand is not None and errand.client is not None:
+            pose, left = controller.supervisor.pose(now), controller.distance_left(now)
+            errand.client.tell(errand, (stamp, self._frames.odometry), pose, left)
         if self._value("publish_markers") and self._markers.get_subscription_count() > 0:
             text = "; ".join(reason.value for reason in status.verdict.reasons) or "driving"
-            frames = (self._odometry_frame, str(self._value("base_frame")))
+            frames = (self._frames.odometry, str(self._value("base_frame")))
             lines, goal = controller.beams(), controller.goal
             self._markers.publish(markers(stamp, frames, lines, goal, text))
 
     def _diagnose(self) -> None:
+        self._others.look()
+        notes = {
+            "policy": str(self._value("policy")),
+            "policy_failure": self.controller.failure or "",
+            "lidar_mount": self._mount.state,
+            "second_publishers": " ".join(self._others.publishers) if self._errand else "",
+            "other_servers": self._others.shared_actions or "",
+        }
         stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(
-            diagnostics(
-                stamp,
-                str(self._value("policy")),
-                self._status,
-                self._timing,
-                self.controller.failure,
-            )
-        )
+        self._diagnostics.publish(diagnostics(stamp, self._status, self._timing, notes))
 
 
 def main() -> None:
@@ -354,10 +372,20 @@ def main() -> None:
         node = PolicyNode()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        autostart = node.get_parameter("autostart").value
-        if autostart and not node.trigger_configure() == SUCCESS == node.trigger_activate():
+        if node.get_parameter("autostart").value and not autostarted(node, executor):
             raise SystemExit(1)
         try:
             executor.spin()
         finally:
             node.stop()
+
+
+def autostarted(node: PolicyNode, executor: SingleThreadedExecutor) -> bool:
+    """Configure and activate a node; tell whether that worked."""
+    if node.trigger_configure() != SUCCESS:
+        return False
+    # Time for others, tf and a first scan to be seen: what is wrong with them is said at once.
+    until = time.monotonic() + DISCOVERY_S
+    while time.monotonic() < until:
+        executor.spin_once(timeout_sec=0.05)
+    return node.trigger_activate() == SUCCESS

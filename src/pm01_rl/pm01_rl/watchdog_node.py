@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A process of its own before the base: it passes commands on, and stops when none come any more.
+"""A process of its own before the base: it passes commands on, and stops what is left moving.
 
 Many bases, and Gazebo's, go on with the last command for ever. When the policy's process is killed
 nobody is left in it to say stop.
 """
 
 from __future__ import annotations
-
-import math
 
 import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
@@ -16,6 +14,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from pm01_nav.deploy.safety import STOP, WATCHDOG_S
+from pm01_nav.deploy.watchdog import LOOK_S, Guard
 from pm01_rl.conversions import command_message
 from pm01_rl.parameters import described, positive
 from pm01_rl.running import ros
@@ -30,29 +29,31 @@ class WatchdogNode(Node):
         """Begin to listen."""
         super().__init__("watchdog_node")
         declare, fixed = self.declare_parameter, {"read_only": True}
-        declare("timeout", WATCHDOG_S, positive("Silence after which it stops [s].", 5.0))
+        text = "Silence after a command that moves the base, until it is stopped [s]."
+        declare("timeout", WATCHDOG_S, positive(text, 5.0))
         declare("cmd_vel_stamped", False, described("TwistStamped, not Twist.", **fixed))
         declare("base_frame", "base_link", described("The robot's frame.", **fixed))
         self._kind = TwistStamped if self.get_parameter("cmd_vel_stamped").value else Twist
         # In simulated time it is the robot's seconds that count, however fast they go.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._clock = self.get_clock() if self.get_parameter("use_sim_time").value else steady
-        self._heard = -math.inf
+        self._guard = Guard()
         self._out = self.create_publisher(self._kind, "cmd_vel", NEWEST)
         self.create_subscription(self._kind, "cmd_vel_in", self._on_command, NEWEST)
-        self.create_timer(0.02, self._look, clock=self._clock)
+        self.create_timer(LOOK_S, self._look, clock=self._clock)
 
     def _now(self) -> float:
         return self._clock.now().nanoseconds * 1e-9
 
     def _on_command(self, command: Twist | TwistStamped) -> None:
-        self._heard = self._now()
+        twist = command.twist if isinstance(command, TwistStamped) else command
+        moves = bool(twist.linear.x or twist.linear.y or twist.angular.z)
+        self._guard.hear(moves, self._now())
         self._out.publish(command)
 
     def _look(self) -> None:
-        silence = self._now() - self._heard
-        # Less than none is a clock that went back.
-        if not 0.0 <= silence <= self.get_parameter("timeout").value:
+        self._guard.timeout_s = float(self.get_parameter("timeout").value)
+        if self._guard.must_stop(self._now()):
             self.stop()
 
     def stop(self) -> None:
