@@ -54,7 +54,7 @@ def to_next_scan(robot: SimulatedRobot) -> None:
 def direct(policy: str, steps: int) -> dict[str, Any]:
     """Time the controller alone."""
     controller = load_controller(policy, same_clock=True)
-    robot = simulated_robot("static", controller.robot.name, seed=1, dt=0.05)
+    robot = simulated_robot("static", controller.robot, seed=1, dt=0.05)
     times, cpu, elsewhere = [], [], False
     for _ in range(steps):
         to_next_scan(robot)
@@ -134,7 +134,7 @@ def through_node(policy: str, steps: int) -> dict[str, Any]:
     """Time the policy node through rclpy."""
     rclpy.init()
     peer = Peer(policy)
-    robot = simulated_robot("static", peer.node.controller.robot.name, seed=1, dt=0.05)
+    robot = simulated_robot("static", peer.node.controller.robot, seed=1, dt=0.05)
     times, cpu, moving, elsewhere = [], [], 0, False
     for _ in range(steps):
         to_next_scan(robot)

@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 from pm01_nav.deploy.goals import Goal, turn_rate
 from pm01_nav.deploy.messages import Odometry, Scan
 from pm01_nav.deploy.safety import (
+    COMMAND_HELD_S,
+    STOP,
     Command,
     Reason,
     SafetyConfig,
@@ -98,6 +100,8 @@ class Controller:
         self._asked_at = -math.inf
         """When the policy gave the answer that is kept [s]; not finite if there is none."""
         self._answer: NDArray[np.float64] | None = None
+        self._commanded: tuple[float, Command] = (-math.inf, STOP)
+        """When the robot was told what [s], [m/s, rad/s]."""
         self._goals: deque[Goal] = deque()
         self._turning_since: float | None = None
         """Since when the robot is at the last goal and turns to its heading [s]."""
@@ -154,7 +158,7 @@ class Controller:
             self._forget()
 
     def _forget(self) -> None:
-        """Let the policy begin anew."""
+        """Let the policy forget the way so far, and what it said."""
         self.policy.reset()
         self._asked_at = -math.inf
 
@@ -196,6 +200,7 @@ class Controller:
         else:
             self._asked_at = -math.inf
         verdict = supervisor.supervise(proposed, now, goal=self.goal is not None, **ages)
+        self._commanded = (now, verdict.command)
         dropped = self.goal is not None and self._is_hopeless(verdict, now)
         if dropped:
             self.cancel()
@@ -252,7 +257,7 @@ class Controller:
             return 0.0, turn_rate(left, self.robot.limits, self.control_dt)
         pose = self.supervisor.pose(now)
         assert pose is not None
-        return self._advice(to_frame(np.array([goal.x, goal.y]), pose), now)
+        return self._policy_says(to_frame(np.array([goal.x, goal.y]), pose), now)
 
     def _is_hopeless(self, verdict: Verdict, now: float) -> bool:
         """Tell whether nobody expects the robot to reach its goals any more."""
@@ -265,7 +270,7 @@ class Controller:
         tired = now - self._sound > self.patience_s
         return tired or not ENDS_THE_GOAL.isdisjoint(verdict.reasons)
 
-    def _advice(self, goal: NDArray[np.float64], now: float) -> NDArray[np.float64] | None:
+    def _policy_says(self, goal: NDArray[np.float64], now: float) -> NDArray[np.float64] | None:
         """Return what the policy would do, or what it said last until its next step is due."""
         due = self._policy_dt - 0.5 * self.control_dt
         slow = self._policy_dt > self.control_dt
@@ -285,7 +290,10 @@ class Controller:
         try:
             sees = (self._fitter.fit(scan), goal, odometry.twist)
             if is_timed(policy):
-                applied, pose = self.supervisor.commanded(now), self.supervisor.pose(now)
+                at, applied = self._commanded
+                # After a longer silence a watchdog has stopped the robot.
+                applied = applied if now - at <= COMMAND_HELD_S else STOP
+                pose = self.supervisor.pose(now)
                 command = policy.act(*sees, now=now, applied=applied, pose=pose)
             else:
                 command = policy.act(*sees)

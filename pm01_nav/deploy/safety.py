@@ -204,10 +204,6 @@ class SafetySupervisor:
         """The newest valid odometry."""
         return self._track.newest
 
-    def commanded(self, now: float) -> Command:
-        """Return what a base still follows at ``now`` [s] of what it was told."""
-        return self._command if now - self._commanded_at <= COMMAND_HELD_S else STOP
-
     def faults(
         self,
         now: float,

@@ -11,7 +11,7 @@ import pytest
 
 from pm01_nav.config import to_yaml
 from pm01_nav.deploy.assembly import load_controller
-from pm01_nav.deploy.controller import Goal
+from pm01_nav.deploy.goals import Goal
 from pm01_nav.deploy.simulated_robot import SimulatedRobot
 from pm01_nav.errors import InputError
 from pm01_nav.policy.onnx_policy import METADATA_KEY

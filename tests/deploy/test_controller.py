@@ -231,6 +231,19 @@ def test_the_scan_of_a_lidar_upside_down_is_mirrored(robot, policy, make_scan, m
     assert seen[270] == 3.0
 
 
+def test_a_slow_policy_is_asked_at_once_about_the_next_goal(
+    make_controller, policy, make_scan, make_odometry
+):
+    controller = make_controller(policy, 0.3)
+    controller.set_goals([Goal(1.0, 2.35), Goal(1.0, 9.0)])
+    controller.step(5.0)
+    # 0.35 m, then 0.25 m to the first goal, whose radius is 0.3 m.
+    controller.see_odometry(make_odometry(5.1, pose=(1.0, 2.1, math.pi / 2)), 5.1)
+    controller.see_scan(make_scan(5.1), 5.1)
+    assert controller.step(5.1).arrived
+    assert [goal[0] for _, goal, _ in policy.asked] == pytest.approx([0.35, 6.9])
+
+
 def test_what_a_policy_sees_can_be_drawn(robot, make_scan):
     geometry = scan_geometry(robot.lidar)
     policy = Recorder()

@@ -252,3 +252,17 @@ def test_rviz_is_shown_what_the_policy_sees(start, watcher, policy_file):
     # Each of PM01's 36 sectors of 10 beams is a line from the lidar to the nearest return.
     assert len(beams.points) == 2 * 36
     assert (goal.ns, state.ns) == ("goal", "state")
+
+
+def test_a_transition_that_there_is_not_ends_nothing(start, watcher, policy_file, state):
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState
+
+    start("policy_node", policy=policy_file, autostart="true")
+    assert watcher.wait_for(lambda: state() == "active")
+    client = watcher.create_client(ChangeState, "/policy_node/change_state")
+    assert watcher.wait_for(client.service_is_ready)
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE))
+    # Humble's rclpy does not answer it.
+    watcher.wait_for(client.call_async(request).done, 3.0)
+    assert state() == "active"

@@ -37,7 +37,7 @@ from pm01_rl.lidar_mount import LidarMount
 from pm01_rl.markers import markers
 from pm01_rl.others import DISCOVERY_S, LEASE_S, Others
 from pm01_rl.parameters import declare_parameters, read_safety
-from pm01_rl.running import ros
+from pm01_rl.running import ros, spin
 
 NEWEST = QoSProfile(depth=1)
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -377,12 +377,14 @@ def main() -> None:
         node = PolicyNode()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        if node.get_parameter("autostart").value and not autostarted(node, executor):
-            raise SystemExit(1)
         try:
-            executor.spin()
+            if node.get_parameter("autostart").value and not autostarted(node, executor):
+                raise SystemExit(1)
+            spin(node, executor)
         finally:
             node.stop()
+            # Without leave-taking others would go on seeing it for DDS's lease.
+            node.destroy_node()
 
 
 def autostarted(node: PolicyNode, executor: SingleThreadedExecutor) -> bool:

@@ -9,6 +9,9 @@ from contextlib import contextmanager
 from typing import Any
 
 import rclpy
+from rclpy.executors import Executor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
@@ -36,6 +39,21 @@ def ros() -> Iterator[None]:
         pass
     finally:
         rclpy.try_shutdown()
+
+
+def spin(node: Node, executor: Executor) -> None:
+    """Let an executor run a node's callbacks until it is told to end."""
+    while rclpy.ok():
+        _spin(node, executor)
+
+
+def _spin(node: Node, executor: Executor) -> None:
+    try:
+        executor.spin()
+    except rclpy_implementation.RCLError as error:
+        # Humble's lifecycle nodes raise when a client asks for a transition that the present state
+        # does not have; that must not end the process.
+        node.get_logger().error(f"refused: {error}")
 
 
 def _interrupt(number: int, frame: Any) -> None:

@@ -144,6 +144,10 @@ def main() -> None:
     """Run the node until it is told to end."""
     with ros():
         try:
-            run(SimNode())
+            node = SimNode()
         except InputError as error:
             raise SystemExit(f"error: {error}") from None
+        try:
+            run(node)
+        finally:
+            node.destroy_node()

@@ -70,3 +70,4 @@ def main() -> None:
             rclpy.spin(node)
         finally:
             node.stop()
+            node.destroy_node()
