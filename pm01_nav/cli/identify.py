@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 @click.option("--scan", default="/scan", show_default=True, metavar="TOPIC")
 @click.option("--odom", default="/odom", show_default=True, metavar="TOPIC")
 @click.option("--cmd-vel", default="/cmd_vel", show_default=True, metavar="TOPIC")
-@click.option("--control-dt", default=0.1, show_default=True, metavar="S", help="A control step.")
 @click.option("--plot", metavar="FILE", help="A .png of measured and predicted speeds.")
 def command(
     bag: str,
@@ -27,7 +26,6 @@ def command(
     scan: str,
     odom: str,
     cmd_vel: str,
-    control_dt: float,
     plot: str | None,
 ) -> None:
     """Fit lag, delay, accelerations, wheels and the lidar's errors to a drive, with 95 % intervals.
@@ -66,7 +64,7 @@ def command(
     _print(found, Console())
     origin = f"# Identified from {Path(bag).name} by pm01 identify.\n"
     write_atomically(path, origin + to_yaml(identified_robot(spec, found.estimates)))
-    text = to_yaml(identified_ranges(spec, found.estimates, control_dt))
+    text = to_yaml(identified_ranges(spec, found.estimates))
     write_atomically(ranges, origin + text)
     click.echo(f"wrote {path} and {ranges}")
     if plot is not None:

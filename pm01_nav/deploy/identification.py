@@ -14,8 +14,7 @@ from pm01_nav.deploy.recording import Recording
 from pm01_nav.deploy.scan_check import by_rep_117
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim.perturbation import MAX_COMMAND_DELAY
-from pm01_nav.task.randomization import RandomizationConfig
+from pm01_nav.task.randomization import LONGEST_S, RandomizationConfig
 
 MIN_COMMANDS, MIN_ODOMETRY = 50, 200
 LIKELY_ACCELERATION = 3.0
@@ -73,9 +72,7 @@ def identified_robot(robot: RobotSpec, estimates: dict[str, Estimate]) -> dict[s
     return data
 
 
-def identified_ranges(
-    robot: RobotSpec, estimates: dict[str, Estimate], control_dt: float
-) -> dict[str, Any]:
+def identified_ranges(robot: RobotSpec, estimates: dict[str, Estimate]) -> dict[str, Any]:
     """Return ranges for ``--randomization``: the intervals of what was identified."""
     travel = estimates.get("travel_scale", Estimate(1.0, 1.0, 1.0))
     ranges: dict[str, tuple[float, float]] = {}
@@ -87,8 +84,8 @@ def identified_ranges(
     across = _product(separation, travel)
     ranges["wheel_separation_factor"] = (across[0] / turn.high, across[1] / turn.low)
     ranges["actuator_lag"] = _interval(estimates["actuator_lag"])
-    delay = estimates["command_delay_s"]
-    steps = [round(value / control_dt) for value in (max(delay.low, 0.0), max(delay.high, 0.0))]
+    low, high = _interval(estimates["command_delay_s"])
+    ranges["command_delay_s"] = min(low, LONGEST_S), min(high, LONGEST_S)
     if "linear_acceleration" in estimates:
         known, nominal = estimates["linear_acceleration"], robot.limits.linear_acceleration
         ranges["acceleration_factor"] = (known.low / nominal, known.high / nominal)
@@ -100,7 +97,6 @@ def identified_ranges(
     data: dict[str, Any] = {
         name: [_rounded(low), _rounded(high)] for name, (low, high) in ranges.items()
     }
-    data["command_delay"] = [min(step, MAX_COMMAND_DELAY) for step in steps]
     # Checked before it is written: a training must be able to read it.
     RandomizationConfig.model_validate(data)
     return data
