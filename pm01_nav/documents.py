@@ -53,17 +53,29 @@ def read_text(path: Path) -> str:
         InputError: it cannot be read, is too large, or is not UTF-8.
     """
     try:
+        # A text's line ends are \n on every system, as Python's own reading has them.
+        text = read_bytes(path).decode("utf-8-sig")
+        return text.replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: must be UTF-8 text") from error
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a whole file.
+
+    Raises:
+        InputError: it cannot be read, is no file, or is too large.
+    """
+    try:
         # Devices and pipes have no size and perhaps no end.
         if path.exists() and not path.is_file():
             raise InputError(f"{path}: must be a file")
         size = path.stat().st_size
         if size > MAX_BYTES:
             raise InputError(f"{path}: has {size} bytes; at most {MAX_BYTES} are allowed")
-        return path.read_text(encoding="utf-8-sig")
+        return path.read_bytes()
     except InputError:
         raise
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: must be UTF-8 text") from error
     # A ValueError is a null byte in the name.
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
