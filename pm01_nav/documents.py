@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -20,6 +21,10 @@ MAX_EVENTS = 2_000_000
 """Values and brackets of a YAML file; 200 000 segments take 1.2 million."""
 MAX_DEPTH = 64
 """Brackets or elements within each other; deeper ones overflow the parsers' stacks."""
+PREFACE = 4_000
+"""Characters in which an XML file's first tag is sought."""
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_FIRST_TAG = re.compile(r"^\s*<(\?xml|!--|[A-Za-z!])", re.MULTILINE)
 # The C parser is ten times faster. Not every PyYAML has it.
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -125,7 +130,7 @@ def parse_xml(path: Path) -> Element:
     Raises:
         InputError: the file cannot be read, is no whole XML, has a DOCTYPE, or is too deep.
     """
-    text = read_text(path)
+    text = _declared_first(read_text(path))
     try:
         # A document type can define entities that expand to gigabytes; no world needs one.
         # Being text, the file can declare no other encoding.
@@ -136,6 +141,18 @@ def parse_xml(path: Path) -> Element:
         raise InputError(f"{path}: is not a whole XML file: {_one_line(error)}") from error
     _check_depth(root, path)
     return root
+
+
+def _declared_first(text: str) -> str:
+    """Drop text and comments before an XML declaration, which Gazebo and ROS take no notice of."""
+    rest = _COMMENT.sub(lambda comment: " " * len(comment[0]), text)
+    begin = rest.find("<?xml")
+    return text[begin:] if begin > 0 and "<" not in rest[:begin] else text
+
+
+def looks_like_xml(text: str) -> bool:
+    """Tell whether a text's first tag comes before anything that YAML would need."""
+    return _FIRST_TAG.search(text[:PREFACE]) is not None
 
 
 def _check_depth(root: Element, path: Path) -> None:

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element
 
 from pm01_nav.errors import InputError
 from pm01_nav.robot_import.urdf import LARGEST, Urdf
-from pm01_nav.worlds.sdf_shapes import Transform, read_pose
+from pm01_nav.worlds.sdf_pose import Transform, read_pose
 
 LIDAR_TYPES = ("gpu_lidar", "lidar", "gpu_ray", "ray")
 LIDAR_WORDS = ("laser", "lidar", "scan")

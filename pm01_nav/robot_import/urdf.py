@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.documents import parse_xml
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.sdf_shapes import IDENTITY, Transform, from_euler
+from pm01_nav.worlds.sdf_pose import IDENTITY, Transform, from_euler
 
 FloatArray = NDArray[np.float64]
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One entry to all files of single worlds: read by the ending of the name, write by format."""
+"""One entry to all files of single worlds: read by what is in them, write by format."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pm01_nav.config import check_output, write_atomically
-from pm01_nav.documents import load_yaml
+from pm01_nav.documents import PREFACE, load_yaml, looks_like_xml, read_bytes
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import points_in_polygon
 from pm01_nav.worlds.barn_grid import read_barn_grid
@@ -23,6 +24,9 @@ from pm01_nav.worlds.sdf_writer import world_to_sdf
 from pm01_nav.worlds.world import World
 from pm01_nav.worlds.yaml_world import read_yaml_world, write_yaml_world
 
+NPY_MAGIC = b"\x93NUMPY"
+# Of the YAML of worlds and maps.
+_KEYS = re.compile(r"^(image|bounds|name)[ \t]*:", re.MULTILINE)
 WORLD_FORMATS = ("yaml", "map", "sdf", "mjcf")
 
 
@@ -64,14 +68,16 @@ def read_world_file(
 
 
 def _read(path: Path, model_folders: Iterable[str | Path], sdf_options: dict[str, Any]) -> Reading:
-    suffix = path.suffix.lower()
-    if suffix in (".yaml", ".yml"):
-        return Reading(read_ros_map(path) if "image" in load_yaml(path) else read_yaml_world(path))
-    if suffix == ".npy":
+    """Tell the kind of a file by what is in it, whatever its name ends with."""
+    data = read_bytes(path)
+    if data.startswith(NPY_MAGIC):
         return Reading(read_barn_grid(path))
-    if suffix in (".sdf", ".world"):
+    start = data[:PREFACE].decode("utf-8-sig", errors="replace")
+    if looks_like_xml(start):
         return read_sdf(path, model_folders=model_folders, **sdf_options)
-    allowed = ".yaml (a world or a ROS map), .sdf, .world, .npy (a BARN grid)"
+    if path.suffix.lower() in (".yaml", ".yml") or _KEYS.search(start):
+        return Reading(read_ros_map(path) if "image" in load_yaml(path) else read_yaml_world(path))
+    allowed = "a world or a ROS map in YAML, an SDF world, a BARN grid (.npy)"
     raise InputError(f"{path}: unknown kind of world; allowed: {allowed}")
 
 

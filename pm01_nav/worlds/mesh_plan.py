@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The floor plan of a mesh: what it covers of the floor between two heights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pm01_nav.errors import InputError
+from pm01_nav.meshes import MISSING
+from pm01_nav.worlds.sdf_shapes import FLOOR_WIDTH, Band
+
+FloatArray = NDArray[np.float64]
+
+GRID = 1e-6
+"""Corners nearer to each other than this are one [m]."""
+THIN = 1e-4
+"""What is thinner than this from above [m] is a line: the side of a wall."""
+TOLERANCE = 1e-3
+"""Outlines are simplified by at most this [m]."""
+PIECE_CORNERS = 2000
+"""A polygon with more corners is cut in two; where many obstacles are, that is quicker to use."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a mesh covers of the floor."""
+
+    polygons: list[FloatArray]
+    """Simple ones, each of shape (n, 2) [m]."""
+    segments: FloatArray
+    """Surfaces seen from the side, shape (n, 4) [m]."""
+    has_floor: bool
+    """A part that robots stand on was left out."""
+
+
+def floor_plan(triangles: FloatArray, band: Band) -> Plan:
+    """Return what triangles (n, 3, 3) [m] cover between the heights of ``band``.
+
+    Solid is what lies inside of closed surfaces, and what is below or above a surface in the
+    band; a surface that stands upright, of a mesh that is not closed, is a thin wall. What lies
+    below the lidar's plane and is wide is floor.
+
+    Raises:
+        InputError: the libraries for meshes are missing.
+    """
+    try:
+        import shapely
+        import trimesh
+    except ImportError as error:
+        raise InputError(MISSING) from error
+    mesh = trimesh.Trimesh(
+        vertices=triangles.reshape(-1, 3), faces=np.arange(3 * len(triangles)).reshape(-1, 3)
+    )
+    solid, sides = _shadow(mesh, band.lidar, band.high)
+    low_solid, low_sides = _shadow(mesh, band.sill, band.lidar)
+    low_parts = shapely.get_parts(low_solid.difference(solid))
+    wide = ~shapely.is_empty(shapely.buffer(low_parts, -FLOOR_WIDTH / 2.0))
+    solid = shapely.union_all([solid, *low_parts[~wide]])
+    sides = shapely.union_all([sides, low_sides]).difference(solid)
+    polygons, thin = _simple_polygons(solid)
+    edges = [*_segments(sides), *thin]
+    segments = np.concatenate(edges) if edges else np.zeros((0, 4))
+    return Plan(polygons, segments, bool(wide.any()))
+
+
+def _shadow(mesh: Any, low: float, high: float) -> tuple[Any, Any]:
+    """Return the area and the lines that a mesh covers between two heights, seen from above."""
+    import shapely
+
+    empty = shapely.MultiPolygon()
+    if high <= low or mesh.bounds[0, 2] >= high or mesh.bounds[1, 2] <= low:
+        return empty, empty
+    part = mesh.slice_plane([[0, 0, low], [0, 0, high]], [[0, 0, 1], [0, 0, -1]])
+    corners = np.round(part.triangles[:, :, :2] / GRID) * GRID
+    edges = np.roll(corners, -1, axis=1) - corners
+    lengths = np.linalg.norm(edges, axis=2)
+    double_areas = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
+    is_thin = double_areas <= THIN * lengths.max(axis=1)
+    # Of a triangle seen from the side the longest edge is what is seen.
+    rows, longest = np.nonzero(is_thin)[0], lengths[is_thin].argmax(axis=1)
+    ends = np.stack([corners[rows, longest], corners[rows, (longest + 1) % 3]], axis=1)
+    ends = ends[(ends[:, 0] != ends[:, 1]).any(axis=1)]
+    sides = shapely.union_all(shapely.linestrings(ends))
+    return shapely.union_all([*shapely.polygons(corners[~is_thin]), _inside(mesh, low)]), sides
+
+
+def _inside(mesh: Any, height: float) -> Any:
+    """Return what lies inside of a mesh's closed surfaces at a height.
+
+    Of a surface that is turned inside out, such as that of a room in a block, the inside is free.
+    """
+    import shapely
+
+    filled, hollow = [], []
+    for body in mesh.split(only_watertight=True):
+        if body.bounds[0, 2] < height < body.bounds[1, 2]:
+            (filled if body.volume > 0.0 else hollow).extend(_section(body, height))
+    return shapely.union_all(filled).difference(shapely.union_all(hollow))
+
+
+def _section(body: Any, height: float) -> list[Any]:
+    """Return the polygons in which a plane cuts a closed surface."""
+    import shapely
+    from trimesh.intersections import mesh_plane
+
+    # A hair higher: a plane through corners would cut them twice.
+    lines: Any = mesh_plane(body, [0.0, 0.0, 1.0], [0.0, 0.0, height + 0.7 * GRID])
+    lines = np.round(lines[:, :, :2] / GRID) * GRID
+    lines = lines[(lines[:, 0] != lines[:, 1]).any(axis=1)]
+    faces = shapely.get_parts(shapely.polygonize([shapely.union_all(shapely.linestrings(lines))]))
+    return [face for face in faces if _crossings(face.representative_point(), lines) % 2]
+
+
+def _crossings(point: Any, lines: FloatArray) -> int:
+    """Count the lines (n, 2, 2) that a ray from a point to the right crosses."""
+    (x1, y1), (x2, y2) = lines[:, 0].T, lines[:, 1].T
+    spans = (y1 > point.y) != (y2 > point.y)
+    x1, y1, x2, y2 = x1[spans], y1[spans], x2[spans], y2[spans]
+    return int(np.count_nonzero(x1 + (point.y - y1) / (y2 - y1) * (x2 - x1) > point.x))
+
+
+def _simple_polygons(solid: Any) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Return an area as polygons without holes, and the outlines of what has next to no area."""
+    import shapely
+
+    polygons, thin = [], []
+    for part in shapely.get_parts(shapely.simplify(solid, TOLERANCE)):
+        for piece in _pieces(part):
+            if piece.area > THIN * THIN and piece.exterior.is_simple:
+                polygons.append(np.asarray(piece.exterior.coords)[:-1])
+            else:
+                thin += _segments(piece.exterior)
+    return polygons, thin
+
+
+def _pieces(polygon: Any) -> Iterator[Any]:
+    """Cut a polygon until no piece has a hole or too many corners."""
+    import shapely
+
+    stack = [polygon]
+    while stack:
+        piece = stack.pop()
+        if not piece.interiors and len(piece.exterior.coords) <= PIECE_CORNERS:
+            yield piece
+            continue
+        x_min, y_min, x_max, y_max = piece.bounds
+        x = piece.interiors[0].centroid.x if piece.interiors else (x_min + x_max) / 2.0
+        halves = (shapely.box(x_min, y_min, x, y_max), shapely.box(x, y_min, x_max, y_max))
+        for half in halves:
+            parts = shapely.get_parts(piece.intersection(half))
+            stack.extend(part for part in parts if part.geom_type == "Polygon")
+
+
+def _segments(lines: Any) -> list[FloatArray]:
+    """Return the pieces of lines, each as rows of x1, y1, x2, y2."""
+    import shapely
+
+    parts = shapely.get_parts(shapely.line_merge(lines)) if not lines.is_empty else []
+    found = []
+    for part in parts:
+        points = np.asarray(shapely.simplify(part, TOLERANCE).coords)
+        found.append(np.hstack([points[:-1], points[1:]]))
+    return found
