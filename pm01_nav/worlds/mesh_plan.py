@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.errors import InputError
+from pm01_nav.geometry import polygon_edges
 from pm01_nav.meshes import MISSING
+from pm01_nav.worlds.polygon import is_simple
 from pm01_nav.worlds.sdf_shapes import FLOOR_WIDTH, Band
 
 FloatArray = NDArray[np.float64]
@@ -22,6 +24,8 @@ THIN = 1e-4
 """What is thinner than this from above [m] is a line: the side of a wall."""
 TOLERANCE = 1e-3
 """Outlines are simplified by at most this [m]."""
+LEAST_HOLE = 0.01
+"""Smaller holes in a solid are filled [m^2]: no robot is in one, and none sees into one."""
 PIECE_CORNERS = 2000
 """A polygon with more corners is cut in two; where many obstacles are, that is quicker to use."""
 
@@ -131,10 +135,11 @@ def _simple_polygons(solid: Any) -> tuple[list[FloatArray], list[FloatArray]]:
     polygons, thin = [], []
     for part in shapely.get_parts(shapely.simplify(solid, TOLERANCE)):
         for piece in _pieces(part):
-            if piece.area > THIN * THIN and piece.exterior.is_simple:
-                polygons.append(np.asarray(piece.exterior.coords)[:-1])
+            corners = np.asarray(piece.exterior.coords)[:-1]
+            if piece.area > THIN * THIN and is_simple(corners):
+                polygons.append(corners)
             else:
-                thin += _segments(piece.exterior)
+                thin.append(polygon_edges(corners))
     return polygons, thin
 
 
@@ -142,14 +147,16 @@ def _pieces(polygon: Any) -> Iterator[Any]:
     """Cut a polygon until no piece has a hole or too many corners."""
     import shapely
 
-    stack = [polygon]
+    holes = [hole for hole in polygon.interiors if shapely.Polygon(hole).area >= LEAST_HOLE]
+    stack = [shapely.Polygon(polygon.exterior, holes)]
     while stack:
         piece = stack.pop()
         if not piece.interiors and len(piece.exterior.coords) <= PIECE_CORNERS:
             yield piece
             continue
         x_min, y_min, x_max, y_max = piece.bounds
-        x = piece.interiors[0].centroid.x if piece.interiors else (x_min + x_max) / 2.0
+        left, _, right, _ = piece.interiors[0].bounds if piece.interiors else piece.bounds
+        x = (left + right) / 2.0
         halves = (shapely.box(x_min, y_min, x, y_max), shapely.box(x, y_min, x_max, y_max))
         for half in halves:
             parts = shapely.get_parts(piece.intersection(half))

@@ -141,7 +141,8 @@ def _bounds_around(discs: FloatArray, segments: FloatArray, scene: Scene) -> lis
     high = np.concatenate([discs[:, :2] + discs[:, 2:], *points])
     if not len(low):
         heights = f"{scene.band.low} and {scene.band.high} m"
-        raise InputError(f"holds no obstacle between the heights {heights}")
+        about = "; ".join([scene.report.share, *scene.report.notes()])
+        raise InputError(f"holds no obstacle between the heights {heights} ({about})")
     return [*(low.min(axis=0) - MARGIN).tolist(), *(high.max(axis=0) + MARGIN).tolist()]
 
 

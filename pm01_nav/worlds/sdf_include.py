@@ -43,8 +43,9 @@ class ModelFolders:
     def __init__(self, folders: Iterable[str | Path], beside: Path) -> None:
         """Look into ``folders`` first, then where Gazebo looks for a world in ``beside``.
 
-        That is the world's folder, ``models`` in it and beside it, the world's ROS package, the
-        folders in ``PATH_VARIABLES``, ``~/.gazebo/models``, and what Gazebo downloaded before.
+        That is the world's folder, ``models`` in it and beside it, the folders in
+        ``PATH_VARIABLES`` and ``AMENT_PREFIX_PATH``, ``~/.gazebo/models``, the world's ROS package
+        and those beside it, and what Gazebo downloaded before.
 
         Raises:
             InputError: one of ``folders`` does not exist.
@@ -56,11 +57,16 @@ class ModelFolders:
         usual = [beside, beside / "models", beside / ".." / "models"]
         for variable in PATH_VARIABLES:
             usual += [Path(name) for name in os.environ.get(variable, "").split(os.pathsep) if name]
+        prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+        usual += [Path(prefix) / "share" for prefix in prefixes if prefix]
         usual += [_home(folder) for folder in USUAL_FOLDERS]
+        self._package = _package_above(beside.resolve())
+        if self._package is not None:
+            usual.append(self._package)
         self._given = [folder.resolve() for folder in given]
         self._roots = list(dict.fromkeys([*self._given, *_existing(usual)]))
         self._caches = _existing([_home(folder) for folder in CACHES])
-        self._package = _package_above(beside.resolve())
+        self._siblings: set[Path] = set()
         self._parsed: dict[Path, tuple[Element, int]] = {}
         self._num_includes = self._num_elements = 0
 
@@ -119,11 +125,21 @@ class ModelFolders:
             yield from ((root, name) for root in self._roots if not name.startswith("/"))
         elif scheme in ("model", "package"):
             yield from ((root, name) for root in self._roots)
-            first, _, rest = name.partition("/")
-            if self._package is not None and first == self._package.name:
-                yield self._package, rest
+            yield from self._in_package(name)
         elif scheme in ("http", "https"):
             yield from self._downloaded(unquote(name))
+
+    def _in_package(self, name: str) -> Iterator[tuple[Path, str]]:
+        """Yield where a file is in a ROS package: the world's own, or one beside it."""
+        first, _, rest = name.partition("/")
+        if self._package is None or first in ("", ".", ".."):
+            return
+        if first == self._package.name:
+            yield self._package, rest
+        sibling = self._package.parent / first
+        if os.path.isfile(sibling / "package.xml"):
+            self._siblings.add(sibling.resolve())
+            yield sibling, rest
 
     def _downloaded(self, name: str) -> Iterator[tuple[Path, str]]:
         """Yield where a model of a server may be, by the name that folders of models would use."""
@@ -153,9 +169,7 @@ class ModelFolders:
     def _inside(self, path: Path, where: str) -> Path:
         """Return a path without links, which must lie in one of the folders."""
         resolved = path.resolve()
-        allowed = [*self._roots, *self._caches]
-        if self._package is not None:
-            allowed.append(self._package)
+        allowed = (*self._roots, *self._caches, *self._siblings)
         if not any(resolved.is_relative_to(root) for root in allowed):
             raise InputError(f"{where}: leads out of the model folders")
         return resolved
@@ -165,7 +179,10 @@ class ModelFolders:
         config = self._inside(folder / "model.config", where)
         if not config.is_file():
             return "model.sdf"
-        names = [(sdf.text or "").strip() for sdf in self.parsed(config).findall("sdf")]
+        try:
+            names = [(sdf.text or "").strip() for sdf in self.parsed(config).findall("sdf")]
+        except InputError:
+            names = []
         return names[-1] if names and names[-1] else "model.sdf"
 
 

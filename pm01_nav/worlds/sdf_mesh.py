@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.errors import InputError
+from pm01_nav.geometry import polygon_edges
 from pm01_nav.meshes import Part, load_parts
 from pm01_nav.worlds.mesh_plan import Plan, floor_plan
+from pm01_nav.worlds.polygon import is_simple
 from pm01_nav.worlds.sdf_include import ModelFolders
-from pm01_nav.worlds.sdf_pose import Transform, from_euler, is_true, positive
+from pm01_nav.worlds.sdf_pose import Transform, from_euler, is_true, numbers
 from pm01_nav.worlds.sdf_shapes import Band, Cover, UnsupportedError
 
 FloatArray = NDArray[np.float64]
@@ -40,7 +42,9 @@ class MeshReader:
         scale_element = geometry.find("scale")
         scale = np.ones(3)
         if scale_element is not None:
-            scale = np.array(positive(scale_element, 3, f"{where}: mesh: scale"))
+            scale = np.array(numbers(scale_element, 3, f"{where}: mesh: scale"))
+        if not scale.all():
+            raise UnsupportedError("mesh scaled to nothing")
         path = self._find(geometry, file, where)
         name = (geometry.findtext("submesh/name") or "").strip()
         center = is_true(geometry.findtext("submesh/center"))
@@ -51,6 +55,8 @@ class MeshReader:
         key = (path, name, center, *scale, *own.rotation.round(9).flat, own.translation[2])
         if key not in self._plans:
             triangles = self._triangles(path, name, center) * scale
+            if scale.prod() < 0.0:
+                triangles = triangles[:, ::-1]  # Mirrored, its inside would be outside.
             self._plans[key] = floor_plan(own.points(triangles), self._band)
         return _placed(self._plans[key], turned[:2, :2], pose.translation[:2])
 
@@ -84,9 +90,13 @@ class MeshReader:
 
 
 def _placed(plan: Plan, rotation: FloatArray, place: FloatArray) -> Cover:
-    ends = plan.segments.reshape(-1, 2) @ rotation.T + place
-    return Cover(
-        polygons=[polygon @ rotation.T + place for polygon in plan.polygons],
-        segments=[ends.reshape(-1, 4)] if len(ends) else [],
-        is_floor=plan.has_floor,
-    )
+    ends = (plan.segments.reshape(-1, 2) @ rotation.T + place).reshape(-1, 4)
+    cover = Cover(segments=[ends] if len(ends) else [], is_floor=plan.has_floor)
+    for polygon in plan.polygons:
+        turned = polygon @ rotation.T + place
+        # Where corners are micrometres apart turning them can make edges cross.
+        if is_simple(turned):
+            cover.polygons.append(turned)
+        else:
+            cover.segments.append(polygon_edges(turned))
+    return cover

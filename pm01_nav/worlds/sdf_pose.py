@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
@@ -18,6 +19,8 @@ UPRIGHT = 1e-6
 """A shape tilted by less than this [rad] counts as upright."""
 LARGEST = 1e9
 """Larger numbers are refused: their squares would lose what the sum of poses needs."""
+# Gazebo reads numbers as a stream: a sign begins the next one.
+_NEXT_NUMBER = re.compile(r"(?<=[\d.])(?=[-+])")
 
 
 class Transform(NamedTuple):
@@ -118,15 +121,15 @@ def numbers(element: Element | None, count: int, where: str) -> list[float]:
     Raises:
         InputError: there are more or fewer, or one is not finite or too large.
     """
-    words = "" if element is None else " ".join((element.text or "").split())
+    text = "" if element is None else " ".join((element.text or "").split())
     try:
-        values = [float(word) for word in words.split()]
+        values = [float(word) for word in _NEXT_NUMBER.sub(" ", text).split()]
     except ValueError:
         values = []
     # NaN and infinity fail the comparison, too.
     if len(values) != count or not all(abs(value) <= LARGEST for value in values):
         limit = f"-{LARGEST:.0e} to {LARGEST:.0e}"
-        raise InputError(f"{where} = {words[:80]!r}: must be {count} number(s) from {limit}")
+        raise InputError(f"{where} = {text[:80]!r}: must be {count} number(s) from {limit}")
     return values
 
 

@@ -121,7 +121,7 @@ def _add_part(scene: Scene, model: Model, part: Element, link: _Link) -> None:
     for geometry in part.iterfind("geometry/*"):
         if geometry.tag == "empty":
             continue
-        scene.report.num_shapes += 1
+        scene.report.num_shapes += geometry.tag != "plane"
         try:
             if geometry.tag == "mesh":
                 found = scene.meshes.cover(geometry, pose, model.source.file, link.where)
