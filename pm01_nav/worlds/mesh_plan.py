@@ -20,9 +20,9 @@ FloatArray = NDArray[np.float64]
 
 GRID = 1e-6
 """Corners nearer to each other than this are one [m]."""
-THIN = 1e-4
+THIN = 2e-4
 """What is thinner than this from above [m] is a line: the side of a wall."""
-TOLERANCE = 1e-3
+TOLERANCE = 5e-4
 """Outlines are simplified by at most this [m]."""
 LEAST_HOLE = 0.01
 """Smaller holes in a solid are filled [m^2]: no robot is in one, and none sees into one."""
@@ -133,7 +133,10 @@ def _simple_polygons(solid: Any) -> tuple[list[FloatArray], list[FloatArray]]:
     import shapely
 
     polygons, thin = [], []
-    for part in shapely.get_parts(shapely.simplify(solid, TOLERANCE)):
+    # Gaps that are thinner than a line would let edges cross where corners are rounded.
+    closed = shapely.buffer(solid, THIN, join_style="mitre")
+    closed = shapely.buffer(closed, -THIN, join_style="mitre")
+    for part in shapely.get_parts(shapely.simplify(closed, TOLERANCE)):
         for piece in _pieces(part):
             corners = np.asarray(piece.exterior.coords)[:-1]
             if piece.area > THIN * THIN and is_simple(corners):

@@ -127,7 +127,6 @@ class ModelReader:
         child = self.read(model, name, inner, home="__model__")
         child.is_static = child.is_static or is_true(include.findtext("static"))
         anchor = (include.findtext("placement_frame") or "").strip()
+        anchor = anchor or model.get("placement_frame") or ""
         posed = model if include.find("pose") is None else include
-        if not anchor and posed is model:
-            anchor = model.get("placement_frame") or ""
         self._place(parent, child, posed, anchor, merged=is_true(include.get("merge")))

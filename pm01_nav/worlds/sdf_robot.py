@@ -3,17 +3,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from pm01_nav.worlds.sdf_model import Model
 
 DRIVES = (
-    "diff_drive",
     "diffdrive",
     "differentialdrive",
-    "skid_steer",
     "skidsteer",
-    "planar_move",
     "planarmove",
     "ackermann",
     "mecanum",
@@ -22,24 +20,21 @@ DRIVES = (
     "trackedvehicle",
     "trackcontroller",
     "velocitycontrol",
-    "ros_control",
-    "ros2_control",
-    "rossteering",
-    "cmd_vel",
+    "roscontrol",
+    "ros2control",
+    "steering",
+    "cmdvel",
     "multicopter",
     "ardupilot",
 )
-"""In the name or file of a plugin that drives a model, in small letters."""
+"""In the file or the name of a plugin that drives a model; letters and digits alone count."""
 LIDARS = ("gpu_lidar", "lidar", "gpu_ray", "ray")
 HINGES = ("revolute", "continuous")
 HARMLESS = (
-    "state_publisher",
-    "statepublisher",
+    "publisher",
     "p3d",
-    "posepublisher",
-    "jointstatepublisher",
-    "ros_init",
-    "ros_factory",
+    "rosinit",
+    "rosfactory",
     "imu",
     "camera",
     "bumper",
@@ -50,15 +45,15 @@ HARMLESS = (
     "wheelslip",
     "buoyancy",
 )
-"""In the name or file of a plugin that moves nothing."""
+"""The same of a plugin that moves nothing."""
 
 
 def robot_reason(model: Model) -> str:
     """Say what makes a model a robot: a drive, or a lidar on wheels; empty where it is none."""
     if model.is_static:
         return ""
-    for name in _plugins(model):
-        if any(drive in name.lower() for drive in DRIVES):
+    for name, letters in _plugins(model):
+        if any(drive in letters for drive in DRIVES):
             return f"plugin {name}"
     elements = [inner.element for inner in model.walk()]
     hinges = sum(j.get("type") in HINGES for e in elements for j in e.findall("joint"))
@@ -71,12 +66,14 @@ def robot_reason(model: Model) -> str:
 
 def moving_plugins(model: Model) -> list[str]:
     """Name the plugins that may move a model."""
-    names = [n for n in _plugins(model) if not any(word in n.lower() for word in HARMLESS)]
-    return list(dict.fromkeys(names))
+    plugins = _plugins(model)
+    moving = [name for name, text in plugins if not any(word in text for word in HARMLESS)]
+    return list(dict.fromkeys(moving))
 
 
-def _plugins(model: Model) -> Iterator[str]:
-    """Yield the file or, without one, the name of each plugin of a model, and of those in it."""
+def _plugins(model: Model) -> Iterator[tuple[str, str]]:
+    """Yield what to call each plugin of a model, or of those in it, and its letters and digits."""
     for inner in model.walk():
         for plugin in inner.element.findall("plugin"):
-            yield (plugin.get("filename") or plugin.get("name") or "")[:60]
+            file, name = plugin.get("filename") or "", plugin.get("name") or ""
+            yield (file or name)[:60], re.sub(r"[^a-z0-9]", "", f"{file} {name}".lower())
