@@ -62,14 +62,15 @@ def floor_plan(triangles: FloatArray, band: Band) -> Plan:
     )
     solid, sides = _shadow(mesh, band.lidar, band.high)
     low_solid, low_sides = _shadow(mesh, band.sill, band.lidar)
-    low_parts = shapely.get_parts(low_solid.difference(solid))
-    wide = ~shapely.is_empty(shapely.buffer(low_parts, -FLOOR_WIDTH / 2.0))
-    solid = shapely.union_all([solid, *low_parts[~wide]])
+    low_parts = shapely.get_parts(low_solid)
+    free = shapely.difference(low_parts, solid)
+    is_floor = ~shapely.is_empty(shapely.buffer(free, -FLOOR_WIDTH / 2.0))
+    solid = shapely.union_all([solid, *low_parts[~is_floor]])
     sides = shapely.union_all([sides, low_sides]).difference(solid)
     polygons, thin = _simple_polygons(solid)
     edges = [*_segments(sides), *thin]
     segments = np.concatenate(edges) if edges else np.zeros((0, 4))
-    return Plan(polygons, segments, bool(wide.any()))
+    return Plan(polygons, segments, bool(is_floor.any()))
 
 
 def _shadow(mesh: Any, low: float, high: float) -> tuple[Any, Any]:
@@ -101,7 +102,7 @@ def _inside(mesh: Any, height: float) -> Any:
     import shapely
 
     filled, hollow = [], []
-    for body in mesh.split(only_watertight=True):
+    for body in mesh.split(only_watertight=True, repair=False):
         if body.bounds[0, 2] < height < body.bounds[1, 2]:
             (filled if body.volume > 0.0 else hollow).extend(_section(body, height))
     return shapely.union_all(filled).difference(shapely.union_all(hollow))
