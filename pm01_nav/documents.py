@@ -27,6 +27,7 @@ _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _FIRST_TAG = re.compile(r"^\s*<[A-Za-z!?]|<\?xml|<sdf", re.MULTILINE)
 _DECLARATION = re.compile(r"^\s*<\?xml\b[^>]*\?>")
 _BARE_AMPERSAND = re.compile(r"&(?!#?\w+;)")
+_DOUBLE_COLON = re.compile(r"(</?[\w.-]+)::(?=\w)")
 _TAG = re.compile(r"<[^<>!?]*>")
 _PREFIX = re.compile(r"(?:^</?|\s)([A-Za-z_][\w.-]*):(?=[\w])[^\s=/>]*(?=[\s=/>])")
 _XMLNS = re.compile(r"\sxmlns:([\w.-]+)\s*=")
@@ -167,13 +168,14 @@ def looks_like_xml(text: str) -> bool:
 def _tolerant(text: str) -> str:
     """Mend what Gazebo and ROS take no notice of, without moving a line.
 
-    That is text before the first tag, "--" in comments, a bare "&", and prefixes that nothing
-    declares. Entities by name stay what they are: errors.
+    That is text before the first tag, "--" in comments, a bare "&", "::" in the names of tags,
+    and prefixes that nothing declares. Entities by name stay what they are: errors.
     """
     text = _COMMENT.sub(_blank, text)
     begin = max(text.find("<"), 0)
     text = _BARE_AMPERSAND.sub("&amp;", _blank_text(text[:begin]) + text[begin:])
     text = _DECLARATION.sub(_blank, text, count=1)
+    text = _DOUBLE_COLON.sub(r"\1__", text)
     prefixes = {name for tag in _TAG.findall(text) for name in _PREFIX.findall(tag)}
     unknown = sorted(prefixes - {"xml", "xmlns"} - set(_XMLNS.findall(text)))
     declared = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in unknown)

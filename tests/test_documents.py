@@ -98,6 +98,7 @@ def test_xml_refused(tmp_path: Path) -> None:
         "<!-- <?xml version='1.0'?> --> <?xml version='1.0'?><!-- a -- b --><a b='c'/>",
         "<?xml version='1.0' encoding='latin-1'?> <!-- -- -- --><a b='c'/>",
         "<a b='c'><x:y z:w='1'/><x:y/>tables & chairs</a>",
+        "<a b='c'><gz::priority>1</gz::priority></a>",
         "<a xmlns:x='urn:x' b='c'><x:y/><z:y/></a>",
     ],
 )

@@ -42,6 +42,18 @@ class Plan:
     """A part that robots stand on was left out."""
 
 
+@dataclass(frozen=True)
+class _Surfaces:
+    """A mesh, by what is inside of it; each of its parts is a mesh of trimesh."""
+
+    closed: Any
+    """All of the closed surfaces."""
+    other: Any
+    """Open surfaces, and closed ones that are turned inside out."""
+    bodies: list[Any]
+    """The closed surfaces one by one; of an inside-out one the volume is negative."""
+
+
 def floor_plan(triangles: FloatArray, band: Band) -> Plan:
     """Return what triangles (n, 3, 3) [m] cover between the heights of ``band``.
 
@@ -60,26 +72,58 @@ def floor_plan(triangles: FloatArray, band: Band) -> Plan:
     mesh = trimesh.Trimesh(
         vertices=triangles.reshape(-1, 3), faces=np.arange(3 * len(triangles)).reshape(-1, 3)
     )
-    solid, sides = _shadow(mesh, band.lidar, band.high)
-    low_solid, low_sides = _shadow(mesh, band.sill, band.lidar)
+    surfaces = _sorted_surfaces(mesh)
+    solid, sides = _shadow(surfaces, band.lidar, band.high)
+    low_solid, low_sides = _shadow(surfaces, band.sill, band.lidar)
     low_parts = shapely.get_parts(low_solid)
     free = shapely.difference(low_parts, solid)
     is_floor = ~shapely.is_empty(shapely.buffer(free, -FLOOR_WIDTH / 2.0))
     solid = shapely.union_all([solid, *low_parts[~is_floor]])
-    sides = shapely.union_all([sides, low_sides]).difference(solid)
+    solid, sides = _without_clutter(solid, shapely.union_all([sides, low_sides]))
     polygons, thin = _simple_polygons(solid)
-    edges = [*_segments(sides), *thin]
-    segments = np.concatenate(edges) if edges else np.zeros((0, 4))
+    segments = np.concatenate([np.zeros((0, 4)), *_segments(sides), *thin])
     return Plan(polygons, segments, bool(is_floor.any()))
 
 
-def _shadow(mesh: Any, low: float, high: float) -> tuple[Any, Any]:
+def _sorted_surfaces(mesh: Any) -> _Surfaces:
+    """Tell closed surfaces from others: each of their edges belongs to two triangles."""
+    from trimesh.graph import connected_component_labels
+
+    labels = connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
+    edges = mesh.edges_unique_inverse
+    is_paired = (np.bincount(edges)[edges] == 2).reshape(-1, 3).all(axis=1)
+    count = int(labels.max()) + 1
+    is_closed = np.bincount(labels[~is_paired], minlength=count) == 0
+    corners = mesh.triangles - mesh.bounds[0]
+    cross = np.cross(corners[:, 1], corners[:, 2])
+    volumes = np.bincount(labels, weights=(corners[:, 0] * cross).sum(axis=1), minlength=count)
+    is_solid = (is_closed & (volumes > 0.0))[labels]
+    bodies = [_faces(mesh, labels == label) for label in np.nonzero(is_closed)[0]]
+    return _Surfaces(_faces(mesh, is_solid), _faces(mesh, ~is_solid), bodies)
+
+
+def _faces(mesh: Any, chosen: NDArray[np.bool_]) -> Any:
+    import trimesh
+
+    return trimesh.Trimesh(mesh.vertices, mesh.faces[chosen], process=False)
+
+
+def _shadow(surfaces: _Surfaces, low: float, high: float) -> tuple[Any, Any]:
     """Return the area and the lines that a mesh covers between two heights, seen from above."""
     import shapely
 
-    empty = shapely.MultiPolygon()
-    if high <= low or mesh.bounds[0, 2] >= high or mesh.bounds[1, 2] <= low:
-        return empty, empty
+    areas, _ = _projected(surfaces.closed, low, high)
+    more, lines = _projected(surfaces.other, low, high)
+    inside = _inside(surfaces.bodies, low) if low < high else shapely.MultiPolygon()
+    return shapely.union_all([*areas, *more, inside]), shapely.union_all(lines)
+
+
+def _projected(mesh: Any, low: float, high: float) -> tuple[list[Any], list[Any]]:
+    """Return the triangles between two heights as polygons, and as lines those seen edge-on."""
+    import shapely
+
+    if high <= low or not len(mesh.faces):
+        return [], []
     part = mesh.slice_plane([[0, 0, low], [0, 0, high]], [[0, 0, 1], [0, 0, -1]])
     corners = np.round(part.triangles[:, :, :2] / GRID) * GRID
     edges = np.roll(corners, -1, axis=1) - corners
@@ -90,22 +134,34 @@ def _shadow(mesh: Any, low: float, high: float) -> tuple[Any, Any]:
     rows, longest = np.nonzero(is_thin)[0], lengths[is_thin].argmax(axis=1)
     ends = np.stack([corners[rows, longest], corners[rows, (longest + 1) % 3]], axis=1)
     ends = ends[(ends[:, 0] != ends[:, 1]).any(axis=1)]
-    sides = shapely.union_all(shapely.linestrings(ends))
-    return shapely.union_all([*shapely.polygons(corners[~is_thin]), _inside(mesh, low)]), sides
+    polygons, lines = shapely.polygons(corners[~is_thin]), shapely.linestrings(ends)
+    return [*shapely.get_parts(polygons)], [*shapely.get_parts(lines)]
 
 
-def _inside(mesh: Any, height: float) -> Any:
-    """Return what lies inside of a mesh's closed surfaces at a height.
+def _inside(bodies: list[Any], height: float) -> Any:
+    """Return what lies inside of closed surfaces at a height.
 
     Of a surface that is turned inside out, such as that of a room in a block, the inside is free.
     """
     import shapely
 
     filled, hollow = [], []
-    for body in mesh.split(only_watertight=True, repair=False):
-        if body.bounds[0, 2] < height < body.bounds[1, 2]:
+    for body in bodies:
+        heights = body.triangles[:, :, 2]
+        if heights.min() < height < heights.max():
             (filled if body.volume > 0.0 else hollow).extend(_section(body, height))
     return shapely.union_all(filled).difference(shapely.union_all(hollow))
+
+
+def _without_clutter(solid: Any, sides: Any) -> tuple[Any, Any]:
+    """Fill what lines enclose that is too small to be in; return the area and the lines left."""
+    import shapely
+
+    edges = shapely.union_all([sides, solid.boundary])
+    faces = shapely.get_parts(shapely.polygonize([edges]))
+    small = faces[shapely.area(faces) < LEAST_HOLE]
+    solid = shapely.union_all([solid, *small])
+    return solid, sides.difference(solid)
 
 
 def _section(body: Any, height: float) -> list[Any]:
@@ -171,7 +227,9 @@ def _segments(lines: Any) -> list[FloatArray]:
     """Return the pieces of lines, each as rows of x1, y1, x2, y2."""
     import shapely
 
-    parts = shapely.get_parts(shapely.line_merge(lines)) if not lines.is_empty else []
+    if lines.is_empty:
+        return []
+    parts = shapely.get_parts(shapely.line_merge(lines))
     found = []
     for part in parts:
         points = np.asarray(shapely.simplify(part, TOLERANCE).coords)

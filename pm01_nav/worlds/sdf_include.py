@@ -142,16 +142,20 @@ class ModelFolders:
             yield sibling, rest
 
     def _downloaded(self, name: str) -> Iterator[tuple[Path, str]]:
-        """Yield where a model of a server may be, by the name that folders of models would use."""
+        """Yield where a model of a server, or a file of it, may be."""
         server, *parts = name.strip("/").split("/")
-        if "models" in parts[1:-1]:
-            at = parts.index("models", 1)
-            owner, model, rest = parts[at - 1], parts[at + 1], parts[at + 2 :]
-            for cache in self._caches:
-                folder = cache / server / owner.lower() / "models" / model.lower()
-                for version in _newest_first(folder):
-                    yield version, "/".join(part for part in rest if part not in ("tip", "files"))
-        yield from ((root, parts[-1]) for root in self._roots if parts)
+        if "models" not in parts[1:-1]:
+            return
+        at = parts.index("models", 1)
+        owner, model, rest = parts[at - 1], parts[at + 1], parts[at + 2 :]
+        if rest and (rest[0].isdecimal() or rest[0] == "tip"):
+            rest = rest[1:]
+        file = "/".join(rest[1:] if rest[:1] == ["files"] else rest)
+        for cache in self._caches:
+            folder = cache / server / owner.lower() / "models" / model.lower()
+            yield from ((version, file) for version in _newest_first(folder))
+        # A copy goes by the name that folders of models have.
+        yield from ((root, f"{model}/{file}") for root in self._roots)
 
     def _file(self, base: Path, name: str, where: str, *, folders: bool = True) -> Path | None:
         """Return the file below ``base``, or that of a model's folder."""
