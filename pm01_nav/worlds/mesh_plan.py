@@ -141,16 +141,44 @@ def _projected(mesh: Any, low: float, high: float) -> tuple[list[Any], list[Any]
 def _inside(bodies: list[Any], height: float) -> Any:
     """Return what lies inside of closed surfaces at a height.
 
-    Of a surface that is turned inside out, such as that of a room in a block, the inside is free.
+    A surface that is turned inside out takes away: it is that of a room in a block.
     """
     import shapely
 
-    filled, hollow = [], []
-    for body in bodies:
-        heights = body.triangles[:, :, 2]
-        if heights.min() < height < heights.max():
-            (filled if body.volume > 0.0 else hollow).extend(_section(body, height))
-    return shapely.union_all(filled).difference(shapely.union_all(hollow))
+    cuts = [_cut(body, height) for body in bodies]
+    lines = np.concatenate([np.zeros((0, 2, 2)), *cuts])
+    owners = np.repeat(np.arange(len(bodies)), [len(cut) for cut in cuts])
+    signs = np.array([1 if body.volume > 0.0 else -1 for body in bodies])
+    edges = shapely.union_all(shapely.linestrings(lines)) if len(lines) else None
+    faces = [] if edges is None else shapely.get_parts(shapely.polygonize([edges]))
+    solid = []
+    for face in faces:
+        crossed = owners[_crosses(face.representative_point(), lines)]
+        is_in = np.bincount(crossed, minlength=len(bodies)) % 2 == 1
+        if signs[is_in].sum() > 0:
+            solid.append(face)
+    return shapely.union_all(solid)
+
+
+def _cut(body: Any, height: float) -> FloatArray:
+    """Return the lines (n, 2, 2) in which a plane cuts a surface."""
+    from trimesh.intersections import mesh_plane
+
+    low, high = body.triangles[:, :, 2].min(), body.triangles[:, :, 2].max()
+    if not low < height < high:
+        return np.zeros((0, 2, 2))
+    # A hair higher: a plane through corners would cut them twice.
+    lines: Any = mesh_plane(body, [0.0, 0.0, 1.0], [0.0, 0.0, height + 0.7 * GRID])
+    lines = np.round(lines[:, :, :2] / GRID) * GRID
+    return lines[(lines[:, 0] != lines[:, 1]).any(axis=1)]
+
+
+def _crosses(point: Any, lines: FloatArray) -> NDArray[np.bool_]:
+    """Tell which lines (n, 2, 2) a ray from a point to the right crosses, shape (n,)."""
+    (x1, y1), (x2, y2) = lines[:, 0].T, lines[:, 1].T
+    spans = (y1 > point.y) != (y2 > point.y)
+    rise = np.where(spans, y2 - y1, 1.0)
+    return spans & (x1 + (point.y - y1) / rise * (x2 - x1) > point.x)
 
 
 def _without_clutter(solid: Any, sides: Any) -> tuple[Any, Any]:
@@ -162,27 +190,6 @@ def _without_clutter(solid: Any, sides: Any) -> tuple[Any, Any]:
     small = faces[shapely.area(faces) < LEAST_HOLE]
     solid = shapely.union_all([solid, *small])
     return solid, sides.difference(solid)
-
-
-def _section(body: Any, height: float) -> list[Any]:
-    """Return the polygons in which a plane cuts a closed surface."""
-    import shapely
-    from trimesh.intersections import mesh_plane
-
-    # A hair higher: a plane through corners would cut them twice.
-    lines: Any = mesh_plane(body, [0.0, 0.0, 1.0], [0.0, 0.0, height + 0.7 * GRID])
-    lines = np.round(lines[:, :, :2] / GRID) * GRID
-    lines = lines[(lines[:, 0] != lines[:, 1]).any(axis=1)]
-    faces = shapely.get_parts(shapely.polygonize([shapely.union_all(shapely.linestrings(lines))]))
-    return [face for face in faces if _crossings(face.representative_point(), lines) % 2]
-
-
-def _crossings(point: Any, lines: FloatArray) -> int:
-    """Count the lines (n, 2, 2) that a ray from a point to the right crosses."""
-    (x1, y1), (x2, y2) = lines[:, 0].T, lines[:, 1].T
-    spans = (y1 > point.y) != (y2 > point.y)
-    x1, y1, x2, y2 = x1[spans], y1[spans], x2[spans], y2[spans]
-    return int(np.count_nonzero(x1 + (point.y - y1) / (y2 - y1) * (x2 - x1) > point.x))
 
 
 def _simple_polygons(solid: Any) -> tuple[list[FloatArray], list[FloatArray]]:

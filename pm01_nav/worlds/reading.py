@@ -23,13 +23,12 @@ class Reading:
 
 
 def tell(reading: Reading) -> World:
-    """Log what a person should know of a world, and return it.
+    """Log what a person should know of a world, the summary first, and return the world.
 
-    The summary is news, a note a warning: without a handler Python shows the notes alone.
+    Notes are warnings, which Python shows without further ado; the summary is not.
     """
     if reading.summary:
-        # With notes the share belongs in front of them, whoever listens.
-        logger.log(logging.WARNING if reading.notes else logging.INFO, reading.summary)
+        logger.info(reading.summary)
     for note in reading.notes:
         logger.warning(note)
     return reading.world

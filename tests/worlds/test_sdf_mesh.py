@@ -61,9 +61,12 @@ def test_room_in_a_closed_mesh_is_free() -> None:
     # The same as a block with a room cut out: two surfaces, the inner one turned inside out.
     inner = block(0.0, 0.0, (4.0, 3.0, 0.8), z=0.1)
     inner.invert()
-    cut = plan_of(block(0.0, 0.0, (4.4, 3.4, 1.0)), inner)
-    assert area(cut).contains(shapely.Point(2.1, 0.0))
-    assert not area(cut).contains(shapely.Point(0.0, 0.0))
+    # A table in the room is solid again, and so is what two blocks share.
+    table, block_beside = block(1.0, 0.0, (0.5, 0.5, 0.9), z=0.05), block(2.2, 0.0, (0.4, 1.0, 1.0))
+    cut = plan_of(block(0.0, 0.0, (4.4, 3.4, 1.0)), inner, table, block_beside)
+    # The second block reaches 0.2 m out of the first and not into the room: 2.96 + 0.25 + 0.2.
+    assert area(cut).area == pytest.approx(3.41, abs=1e-4)
+    assert len(cut.segments) == 0
 
 
 def _extruded(ring: Any) -> Any:
