@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -20,6 +21,17 @@ MAX_EVENTS = 2_000_000
 """Values and brackets of a YAML file; 200 000 segments take 1.2 million."""
 MAX_DEPTH = 64
 """Brackets or elements within each other; deeper ones overflow the parsers' stacks."""
+PREFACE = 4_000
+"""Characters in which an XML file's first tag is sought."""
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_FIRST_TAG = re.compile(r"^\s*<[A-Za-z!?]|<\?xml|<sdf", re.MULTILINE)
+_DECLARATION = re.compile(r"^\s*<\?xml\b[^>]*\?>")
+_BARE_AMPERSAND = re.compile(r"&(?!#?\w+;)")
+_DOUBLE_COLON = re.compile(r"(</?[\w.-]+)::(?=\w)")
+_TAG = re.compile(r"<[^<>!?]*>")
+_PREFIX = re.compile(r"(?:^</?|\s)([A-Za-z_][\w.-]*):(?=[\w])[^\s=/>]*(?=[\s=/>])")
+_XMLNS = re.compile(r"\sxmlns:([\w.-]+)\s*=")
+_ROOT = re.compile(r"<[A-Za-z_][^\s/>]*")
 # The C parser is ten times faster. Not every PyYAML has it.
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -135,15 +147,55 @@ def parse_xml_text(text: str, path: Path) -> Element:
         InputError: it is no whole XML, has a DOCTYPE, or is too deep.
     """
     try:
-        # A document type can define entities that expand to gigabytes; no world needs one.
-        # Being text, the file can declare no other encoding.
-        root = fromstring(text, forbid_dtd=True)
-    except DefusedXmlException as error:
-        raise InputError(f"{path}: must not hold a DOCTYPE") from error
-    except (ParseError, ValueError) as error:
-        raise InputError(f"{path}: is not a whole XML file: {_one_line(error)}") from error
+        root = _parsed(text, path)
+    except ParseError:
+        try:
+            root = _parsed(_tolerant(text), path)
+        except ParseError as error:
+            raise InputError(f"{path}: is not a whole XML file: {_one_line(error)}") from error
     _check_depth(root, path)
     return root
+
+
+def _parsed(text: str, path: Path) -> Element:
+    # A document type can define entities that expand to gigabytes; no world needs one.
+    # Being text, the file can declare no other encoding.
+    try:
+        return fromstring(text, forbid_dtd=True)
+    except DefusedXmlException as error:
+        raise InputError(f"{path}: must not hold a DOCTYPE") from error
+    except ValueError as error:
+        raise InputError(f"{path}: is not a whole XML file: {_one_line(error)}") from error
+
+
+def looks_like_xml(text: str) -> bool:
+    """Tell whether the start of a text holds a tag where YAML would hold none."""
+    return _FIRST_TAG.search(text) is not None
+
+
+def _tolerant(text: str) -> str:
+    """Mend what Gazebo and ROS take no notice of, without moving a line.
+
+    That is text before the first tag, "--" in comments, a bare "&", "::" in the names of tags,
+    and prefixes that nothing declares. Entities by name stay what they are: errors.
+    """
+    text = _COMMENT.sub(_blank, text)
+    begin = max(text.find("<"), 0)
+    text = _BARE_AMPERSAND.sub("&amp;", _blank_text(text[:begin]) + text[begin:])
+    text = _DECLARATION.sub(_blank, text, count=1)
+    text = _DOUBLE_COLON.sub(r"\1__", text)
+    prefixes = {name for tag in _TAG.findall(text) for name in _PREFIX.findall(tag)}
+    unknown = sorted(prefixes - {"xml", "xmlns"} - set(_XMLNS.findall(text)))
+    declared = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in unknown)
+    return _ROOT.sub(lambda root: root[0] + declared, text, count=1) if declared else text
+
+
+def _blank(part: re.Match[str]) -> str:
+    return _blank_text(part[0])
+
+
+def _blank_text(text: str) -> str:
+    return "\n" * text.count("\n")
 
 
 def _check_depth(root: Element, path: Path) -> None:

@@ -86,3 +86,43 @@ def test_xml_refused(tmp_path: Path) -> None:
     refused(parse_xml, write(tmp_path, "<a><b></a>"), "is not a whole XML file")
     deep = write(tmp_path, "<a>" * 200_000 + "</a>" * 200_000)
     refused(parse_xml, deep, "nested more than 64 deep")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\n\n<?xml version='1.0'?><a b='c'/>",
+        "made by hand <?xml version='1.0'?>\n<a b='c'/>",
+        "?xml version='1.0'?>\n<a b='c'/>",
+        "<!-- by a script -->\n<?xml version='1.0'?><a b='c'/>",
+        "<!-- <?xml version='1.0'?> --> <?xml version='1.0'?><!-- a -- b --><a b='c'/>",
+        "<?xml version='1.0' encoding='latin-1'?> <!-- -- -- --><a b='c'/>",
+        "<a b='c'><x:y z:w='1'/><x:y/>tables & chairs</a>",
+        "<a b='c'><gz::priority>1</gz::priority></a>",
+        "<a xmlns:x='urn:x' b='c'><x:y/><z:y/></a>",
+    ],
+)
+def test_xml_that_gazebo_and_ros_take(tmp_path: Path, text: str) -> None:
+    assert parse_xml(write(tmp_path, text)).get("b") == "c"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        # Entities, also behind what is mended.
+        ("words <!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>", "DOCTYPE"),
+        ("<!-- -- --><!DOCTYPE a SYSTEM 'file:///etc/passwd'><a/>", "DOCTYPE"),
+        ("\n<?xml version='1.0'?><!DOCTYPE a><a/>", "DOCTYPE"),
+        ("<a>&b;</a>", "undefined entity"),
+        ("<!-- <a/>", "is not a whole XML file"),
+        ("words alone", "is not a whole XML file"),
+        ("<a/><?xml version='1.0'?>", "is not a whole XML file"),
+    ],
+)
+def test_xml_that_stays_refused(tmp_path: Path, text: str, words: str) -> None:
+    refused(parse_xml, write(tmp_path, text), words)
+
+
+def test_lines_of_mended_xml_are_those_of_the_file(tmp_path: Path) -> None:
+    text = "\n<!-- -- \n -->\n<?xml version='1.0'?>\n<a>\n<b></a>"
+    refused(parse_xml, write(tmp_path, text), "mismatched tag: line 6")

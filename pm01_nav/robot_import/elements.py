@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.sdf_shapes import Transform, from_euler
+from pm01_nav.worlds.sdf_pose import Transform, from_euler
 
 LARGEST = 1e4
 """Larger numbers are refused: no robot is ten kilometres long."""

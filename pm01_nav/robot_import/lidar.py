@@ -11,7 +11,7 @@ from pm01_nav.errors import InputError
 from pm01_nav.robot import MAX_BEAMS
 from pm01_nav.robot_import.elements import LARGEST, numbers, origin_of
 from pm01_nav.robot_import.urdf import Urdf
-from pm01_nav.worlds.sdf_shapes import Transform, read_pose
+from pm01_nav.worlds.sdf_pose import Transform, read_pose
 
 RAY_TYPES = ("gpu_lidar", "lidar", "gpu_ray", "ray")
 DEPTH_TYPES = ("depth", "depth_camera", "rgbd", "rgbd_camera", "sonar")

@@ -18,7 +18,7 @@ from pm01_nav.errors import InputError
 from pm01_nav.robot_import.elements import Solid, number, numbers, origin_of, read_solids
 from pm01_nav.robot_import.expansion import expand, has_macros
 from pm01_nav.robot_import.packages import Packages
-from pm01_nav.worlds.sdf_shapes import IDENTITY, Transform
+from pm01_nav.worlds.sdf_pose import IDENTITY, Transform
 
 FloatArray = NDArray[np.float64]
 

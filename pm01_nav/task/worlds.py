@@ -42,7 +42,10 @@ def world_pool(
     footprint = (robot or config.robot_spec()).footprint
     radius = footprint.circumscribed_radius + config.margin
     if config.suite == "map":
-        return build_pool([read_world(_required(config.map, "map"))], radius)
+        world = read_world(
+            _required(config.map, "map"), model_folders=config.models, partial=config.partial
+        )
+        return build_pool([world], radius)
     if config.suite == "barn":
         barn = load_barn(_required(config.worlds, "worlds"))
         return build_pool(barn.worlds, footprint.inscribed_radius)

@@ -9,7 +9,8 @@ import numpy as np
 
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.mover import Mover
-from pm01_nav.worlds.sdf_shapes import Transform, UnsupportedError, numbers, positive, read_pose
+from pm01_nav.worlds.sdf_pose import Transform, numbers, positive, read_pose
+from pm01_nav.worlds.sdf_shapes import UnsupportedError
 
 PERSON_RADIUS = 0.3
 """Of an actor that has a skin but no cylinder to tell its size [m]."""

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an SDF geometry covers on the floor: poses, numbers and shapes of SDF's XML."""
+"""What an SDF geometry covers of the floor, between two heights."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
@@ -12,137 +13,59 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from pm01_nav.errors import InputError
+from pm01_nav.worlds.sdf_pose import FloatArray, Transform, numbers, positive
 
-FloatArray = NDArray[np.float64]
-
-UPRIGHT = 1e-6
-"""A shape tilted by less than this [rad] counts as upright."""
-LARGEST = 1e9
-"""Larger numbers are refused: their squares would lose what the sum of poses needs."""
 CIRCLE_CORNERS = 24
 """A tilted circle becomes a polygon around it, 0.9 % larger."""
+DRIVEN_OVER = 0.03
+"""What ends lower than this above the ground [m] stops no wheel: sills, carpets, markings."""
+LIDAR_HEIGHT = 0.15
+"""Where a lidar is at the lowest [m]: what is wide and ends below is floor to the robot."""
+FLOOR_WIDTH = 1.5
+"""So wide [m] is a slab or a ramp that a robot stands on; a pallet is narrower."""
 
 
 class UnsupportedError(Exception):
     """A geometry that cannot be turned into discs and polygons; the text names its kind."""
 
 
-class Transform(NamedTuple):
-    """A pose in space."""
+class Band(NamedTuple):
+    """Heights that the robot or its lidar can meet [m]; the robot stands at the lowest."""
 
-    rotation: FloatArray
-    """Shape (3, 3)."""
-    translation: FloatArray
-    """Shape (3,) [m]."""
-
-    def apply(self, inner: Transform) -> Transform:
-        """Express in our parent's frame a pose given in our own."""
-        return Transform(self.rotation @ inner.rotation, self.points(inner.translation))
-
-    def points(self, points: FloatArray) -> FloatArray:
-        """Express in our parent's frame points (..., 3) given in our own."""
-        return points @ self.rotation.T + self.translation
+    low: float
+    high: float
 
     @property
-    def is_upright(self) -> bool:
-        """Tell whether z stays vertical."""
-        return float(np.hypot(self.rotation[0, 2], self.rotation[1, 2])) < UPRIGHT
+    def sill(self) -> float:
+        """Above this an obstacle begins."""
+        return min(self.low + DRIVEN_OVER, (self.low + self.high) / 2.0)
+
+    @property
+    def lidar(self) -> float:
+        """Where the lowest lidar is."""
+        return min(self.low + LIDAR_HEIGHT, self.high)
 
 
-class Shape(NamedTuple):
-    """The floor that a solid covers between two heights."""
+@dataclass
+class Cover:
+    """The floor that a solid covers between two heights; empty where it is not between them."""
 
-    disc: tuple[float, float, float] | None
+    discs: list[tuple[float, float, float]] = field(default_factory=list)
     """x, y, radius [m]."""
-    polygon: FloatArray | None
-    """Shape (n, 2) [m]."""
+    polygons: list[FloatArray] = field(default_factory=list)
+    """Each of shape (n, 2) [m]."""
+    segments: list[FloatArray] = field(default_factory=list)
+    """Thin walls, each of shape (n, 4): x1, y1, x2, y2 [m]."""
+    is_floor: bool = False
+    """It, or a part of it, is what a robot stands on, and was left out."""
 
 
-IDENTITY = Transform(np.eye(3), np.zeros(3))
-QUATERNION = "quat_xyzw"
+def cover(
+    geometry: Element, pose: Transform, scale: NDArray[np.float64], band: Band, where: str
+) -> Cover:
+    """Return what a geometry, its sizes times ``scale`` (3,), covers of the floor.
 
-
-def read_pose(element: Element, where: str, home: str) -> Transform:
-    """Read the ``<pose>`` of an element; ``home`` is the name of the frame it is usually in.
-
-    Raises:
-        InputError: it is no pose, or relative to another frame.
-    """
-    pose = element.find("pose")
-    if pose is None:
-        return IDENTITY
-    frame = pose.get("relative_to") or pose.get("frame") or home
-    if frame != home:
-        raise InputError(f"{where}: pose: relative_to = {frame!r}: other frames are not supported")
-    if pose.get("rotation_format") == QUATERNION:
-        x, y, z, *quaternion = numbers(pose, 7, f"{where}: pose")
-        return Transform(_from_quaternion(quaternion, where), np.array([x, y, z]))
-    if not (pose.text or "").split():
-        return IDENTITY
-    x, y, z, *angles = numbers(pose, 6, f"{where}: pose")
-    if pose.get("degrees") in ("true", "1"):
-        angles = [math.radians(angle) for angle in angles]
-    return Transform(from_euler(*angles), np.array([x, y, z]))
-
-
-def from_euler(roll: float, pitch: float, yaw: float) -> FloatArray:
-    """Return the rotation by roll, then pitch, then yaw about the fixed axes, shape (3, 3)."""
-    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
-    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-    return about_z @ about_y @ about_x
-
-
-def _from_quaternion(quaternion: list[float], where: str) -> FloatArray:
-    norm = math.hypot(*quaternion)
-    if not 1e-6 < norm < 1e6:
-        raise InputError(f"{where}: pose: quaternion {quaternion}: must have length 1")
-    x, y, z, w = (part / norm for part in quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def numbers(element: Element | None, count: int, where: str) -> list[float]:
-    """Read ``count`` numbers.
-
-    Raises:
-        InputError: there are more or fewer, or one is not finite or too large.
-    """
-    words = "" if element is None else " ".join((element.text or "").split())
-    try:
-        values = [float(word) for word in words.split()]
-    except ValueError:
-        values = []
-    # NaN and infinity fail the comparison, too.
-    if len(values) != count or not all(abs(value) <= LARGEST for value in values):
-        limit = f"-{LARGEST:.0e} to {LARGEST:.0e}"
-        raise InputError(f"{where} = {words[:80]!r}: must be {count} number(s) from {limit}")
-    return values
-
-
-def positive(element: Element | None, count: int, where: str) -> list[float]:
-    """Read ``count`` positive numbers.
-
-    Raises:
-        InputError: there are more or fewer, or one is not above 0.
-    """
-    values = numbers(element, count, where)
-    if min(values) <= 0.0:
-        raise InputError(f"{where} = {values}: must be above 0")
-    return values
-
-
-def cover(geometry: Element, pose: Transform, band: tuple[float, float], where: str) -> list[Shape]:
-    """Return what a geometry covers of the floor, nothing where it misses the heights ``band``.
-
-    A tilted solid covers the hull of its projection, more than the part of it in the band.
+    Of a tilted solid the part between the two heights counts.
 
     Raises:
         UnsupportedError: no disc or polygon can stand for it.
@@ -153,85 +76,127 @@ def cover(geometry: Element, pose: Transform, band: tuple[float, float], where: 
     if kind == "plane":
         return _cover_plane(geometry, pose, where)
     if kind == "sphere":
-        return _cover_sphere(geometry, pose, band, where)
+        return _cover_sphere(geometry, pose, scale, band, where)
     if kind == "polyline":
-        return _cover_polyline(geometry, pose, band, where)
-    if kind in ("box", "ellipsoid"):
-        element = geometry.find("size" if kind == "box" else "radii")
-        half = np.array(positive(element, 3, where)) * (0.5 if kind == "box" else 1.0)
-        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half[:2]
-        return _cover_prism(corners, (-half[2], half[2]), pose, band)
-    if kind in ("cylinder", "capsule", "cone"):
-        return _cover_round(geometry, pose, band, where)
-    raise UnsupportedError(kind)
+        outline, heights = _polyline(geometry, scale, where)
+    elif kind == "box":
+        half = np.array(positive(geometry.find("size"), 3, where)) * scale / 2.0
+        outline = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half[:2]
+        heights = (-half[2], half[2])
+    elif kind == "ellipsoid":
+        radii = np.array(positive(geometry.find("radii"), 3, where)) * scale
+        outline, heights = _circle() * radii[:2], (-radii[2], radii[2])
+    elif kind in ("cylinder", "capsule", "cone"):
+        return _cover_round(geometry, pose, scale, band, where)
+    else:
+        raise UnsupportedError(kind)
+    return _cover_prism(outline, heights, pose, band)
 
 
-def _cover_plane(geometry: Element, pose: Transform, where: str) -> list[Shape]:
+def _cover_plane(geometry: Element, pose: Transform, where: str) -> Cover:
     normal = geometry.find("normal")
     direction = np.array([0.0, 0.0, 1.0] if normal is None else numbers(normal, 3, where))
     upward = pose.rotation @ direction
     # The ground is no obstacle; a slope or a wall without end is one that we cannot draw.
     if abs(upward[2]) < 0.999 * float(np.linalg.norm(direction)):
         raise UnsupportedError("plane that is not level")
-    return []
+    return Cover()
 
 
 def _cover_sphere(
-    geometry: Element, pose: Transform, band: tuple[float, float], where: str
-) -> list[Shape]:
+    geometry: Element, pose: Transform, scale: FloatArray, band: Band, where: str
+) -> Cover:
     (radius,) = positive(geometry.find("radius"), 1, f"{where}: radius")
+    radius *= float(scale[0])
     x, y, z = pose.translation.tolist()
-    below, above = band[0] - z, z - band[1]
-    height = max(below, above, 0.0)
+    height = max(band.sill - z, z - band.high, 0.0)
     if height >= radius:
-        return []
+        return Cover()
     # The widest circle within the band.
-    return [Shape((x, y, math.sqrt((radius - height) * (radius + height))), None)]
+    return Cover([(x, y, math.sqrt((radius - height) * (radius + height)))])
 
 
 def _cover_round(
-    geometry: Element, pose: Transform, band: tuple[float, float], where: str
-) -> list[Shape]:
+    geometry: Element, pose: Transform, scale: FloatArray, band: Band, where: str
+) -> Cover:
     (radius,) = positive(geometry.find("radius"), 1, f"{where}: radius")
     (length,) = positive(geometry.find("length"), 1, f"{where}: length")
+    radius, length = radius * float(scale[0]), length * float(scale[2])
     # A capsule's length leaves out its two round ends.
     half = length / 2.0 + (radius if geometry.tag == "capsule" else 0.0)
-    if pose.is_upright:
-        x, y, z = pose.translation.tolist()
-        return [Shape((x, y, radius), None)] if _meets(z - half, z + half, band) else []
+    found = _cover_prism(radius * _circle(), (-half, half), pose, band)
+    if found.polygons and pose.is_upright:
+        x, y, _ = pose.translation.tolist()
+        return Cover([(x, y, radius)])
+    return found
+
+
+def _circle() -> FloatArray:
+    """Return a polygon around the unit circle, (CIRCLE_CORNERS, 2)."""
     angle = np.arange(CIRCLE_CORNERS) * 2.0 * math.pi / CIRCLE_CORNERS
-    around = radius / math.cos(math.pi / CIRCLE_CORNERS)
-    circle = around * np.column_stack([np.cos(angle), np.sin(angle)])
-    return _cover_prism(circle, (-half, half), pose, band)
+    corners = np.column_stack([np.cos(angle), np.sin(angle)])
+    return corners / math.cos(math.pi / CIRCLE_CORNERS)
 
 
-def _cover_polyline(
-    geometry: Element, pose: Transform, band: tuple[float, float], where: str
-) -> list[Shape]:
+def _polyline(
+    geometry: Element, scale: FloatArray, where: str
+) -> tuple[FloatArray, tuple[float, float]]:
     (height,) = positive(geometry.find("height"), 1, f"{where}: height")
     points = np.array([numbers(p, 2, f"{where}: point") for p in geometry.findall("point")])
     if len(points) > 1 and (points[0] == points[-1]).all():
         points = points[:-1]
     if len(points) < 3:
         raise InputError(f"{where}: must have 3 or more points, not {len(points)}")
-    return _cover_prism(points, (0.0, height), pose, band)
+    return points * scale[:2], (0.0, height * float(scale[2]))
 
 
 def _cover_prism(
-    outline: FloatArray, heights: tuple[float, float], pose: Transform, band: tuple[float, float]
-) -> list[Shape]:
-    """Cover an upright outline (n, 2) as it is, a tilted one by the hull of its projection."""
+    outline: FloatArray, heights: tuple[float, float], pose: Transform, band: Band
+) -> Cover:
+    """Cover an upright outline (n, 2) as it is, a tilted one by the hull of what is in the band."""
     ends = [np.column_stack([outline, np.full(len(outline), z)]) for z in heights]
     corners = pose.points(np.concatenate(ends))
-    if not _meets(float(corners[:, 2].min()), float(corners[:, 2].max()), band):
-        return []
-    floor = corners[:, :2]
-    return [Shape(None, floor[: len(outline)] if pose.is_upright else _hull(floor))]
+    low, high = float(corners[:, 2].min()), float(corners[:, 2].max())
+    # What only touches the band from outside is not in it.
+    if low >= band.high or high <= band.low:
+        return Cover()
+    if high <= band.sill + ROUNDING:
+        return Cover(is_floor=True)
+    if high <= band.lidar + ROUNDING and _width(corners[:, :2]) >= FLOOR_WIDTH:
+        return Cover(is_floor=True)
+    if pose.is_upright:
+        return Cover(polygons=[corners[: len(outline), :2]])
+    return Cover(polygons=[_hull(_between(corners, band.sill, band.high)[:, :2])])
 
 
-def _meets(low: float, high: float, band: tuple[float, float]) -> bool:
-    """Tell whether heights overlap; what only touches the band from outside does not."""
-    return low < band[1] and high > band[0]
+ROUNDING = 1e-9
+"""Of heights [m]: sums of decimal numbers miss their limits by less."""
+
+
+def _between(corners: FloatArray, low: float, high: float) -> FloatArray:
+    """Return corners (m, 3) of the part of a convex solid between two heights."""
+    kept = [corners[(corners[:, 2] >= low) & (corners[:, 2] <= high)]]
+    first, second = np.triu_indices(len(corners), 1)
+    a, b = corners[first], corners[second]
+    # Any two corners are joined by a line inside the solid, its edges among these lines.
+    for height in (low, high):
+        crosses = (a[:, 2] - height) * (b[:, 2] - height) < 0.0
+        start, end = a[crosses], b[crosses]
+        part = (height - start[:, 2]) / (end[:, 2] - start[:, 2])
+        kept.append(start + part[:, None] * (end - start))
+    return np.concatenate(kept)
+
+
+def _width(points: FloatArray) -> float:
+    """Return the least distance of two parallel lines around points (n, 2)."""
+    try:
+        hull = _hull(points)
+    except UnsupportedError:
+        return 0.0
+    edges = np.roll(hull, -1, axis=0) - hull
+    normals = np.column_stack([-edges[:, 1], edges[:, 0]])
+    normals /= np.linalg.norm(edges, axis=1)[:, None]
+    return float(np.ptp(hull @ normals.T, axis=0).min())
 
 
 def _hull(points: FloatArray) -> FloatArray:

@@ -73,13 +73,30 @@ SDF = b"""<?xml version="1.0"?><sdf version="1.9"><world name="w"><include><uri>
 <sphere><radius>0.4</radius></sphere></geometry></visual></link></model></model>
 <model name="p"><link name="l"><collision name="c"><pose rotation_format="quat_xyzw">0 0 0 0 0 0 1
 </pose><geometry><polyline><point>4 4</point><point>5 4</point><point>5 5</point><height>1</height>
-</polyline></geometry></collision><collision name="d"><geometry><mesh><uri>a.dae</uri></mesh>
-</geometry></collision></link></model><actor name="a"><script><loop>true</loop><trajectory id="0">
+</polyline></geometry></collision><collision name="d"><geometry><mesh><uri>a.stl</uri>
+<scale>1 2 1</scale><submesh><name>a</name><center>1</center></submesh></mesh></geometry>
+</collision></link></model><frame name="f" attached_to="m"><pose>1 0 0 0 0 1</pose></frame>
+<model name="q" placement_frame="j"><pose relative_to="f">2 0 0 0 0 0</pose><link name="l">
+<collision name="c"><pose relative_to="k">0 0 0 0 0 0</pose><geometry><ellipsoid><radii>1 2 1
+</radii></ellipsoid></geometry></collision></link><link name="k"><pose relative_to="l">0 1 0 0 0 0
+</pose></link><joint name="j" type="revolute"><child>k</child></joint><include merge="true">
+<uri>model://table</uri><placement_frame>l</placement_frame></include><plugin name="diff_drive"/>
+</model><population name="a"/><road name="r"/><state world_name="w"><model name="m">
+<pose>0 1 0 0 0 0</pose><scale>1 1 2</scale><link name="l"><pose>0 1 0.5 0 0 0</pose></link>
+<model name="n"><pose>3 3 0 0 0 0</pose></model></model>
+<insertions><model name="i"><link name="l"/></model></insertions>
+<deletions><name>p</name></deletions></state>
+<actor name="a"><script><loop>true</loop><trajectory id="0">
 <waypoint><time>0</time><pose>1 2 0 0 0 0</pose></waypoint><waypoint><time>2</time>
 <pose>3 2 0 0 0 0</pose></waypoint></trajectory></script></actor></world></sdf>"""
 TABLE = b"""<sdf version="1.6"><model name="table"><link name="l"><collision name="c"><geometry>
 <cylinder><radius>0.3</radius><length>1</length></cylinder></geometry></collision></link></model>
 </sdf>"""
+STL = b"""solid a
+facet normal 0 0 1 outer loop vertex 0 0 0 vertex 2 0 0.2 vertex 0 1 0.6 endloop endfacet
+facet normal 0 1 0 outer loop vertex 1 2 0 vertex 3 2 0 vertex 2 2 1 endloop endfacet
+endsolid a
+"""
 CONFIG = b"<model><name>table</name><sdf version='1.6'>model.sdf</sdf></model>"
 BARN = b"""<sdf version='1.6'><world name='default'><model name='u'>
 <pose frame=''>-1.5 6 0 0 0 0</pose><link name='l'><collision name='c'><geometry>
@@ -114,6 +131,15 @@ NASTY = [
     *(b"<", b">", b"</model>", b"<model>", b"<!DOCTYPE a>", b"&lt;", b"&#0;", b"<![CDATA[", b"--"),
     *(b"<include><uri>model://../x</uri></include>", b"<include><uri>/etc</uri></include>"),
     *(b"<include><uri>model://table</uri></include>", b"relative_to='x'", b"degrees='true'"),
+    *(
+        b"<!-- -- -->",
+        b"&",
+        b"&a;",
+        b"<x:y/>",
+        b"text <?xml version='1.0'?>",
+        b"<state>",
+        b"</state>",
+    ),
     *(b"\x00", b"\xff\xfe", b"\xef\xbb\xbf", b"\r\n", b"\t", b"/dev/zero", b"map.yaml", b"\x85"),
     *(b"[" * 300, b"<a>" * 300, b'{"a":' * 300, b"2001-99-99", b"0o9", b"1:60:99", b"=", b"? "),
 ]
@@ -241,11 +267,13 @@ TAGS = (
         "time",
     ),
     *("cone", "heightmap", "empty", "population", "state", "frame", "loop", "placement_frame"),
+    *("joint", "child", "scale", "submesh", "center", "insertions", "deletions", "name", "plugin"),
+    *("sensor", "road", "light", "static"),
 )
 WORDS = (
     *("0", "1", "0.5", "-2", "1e9", "1e-9", "nan", "true", "", "1 1 1", "2 3", "0 0 0 0 0 0"),
     *("1 2 0.2 0 0 1", "0 0 1 1.57 0 0", "model://table", "model://sun", "file://lab.sdf"),
-    "https://x/y",
+    *("https://x/y", "https://x/1.0/o/models/table", "a.stl", "a::b", "l", "__model__", "world"),
 )
 words = st.sampled_from(WORDS)
 
@@ -261,7 +289,20 @@ elements = st.recursive(
         st.sampled_from(TAGS),
         st.lists(inner, max_size=4),
         words,
-        st.sampled_from(["", "name='b'", "relative_to='a'", "tension='1'", "degrees='true'"]),
+        st.sampled_from(
+            [
+                "",
+                "name='b'",
+                "relative_to='a'",
+                "relative_to='a::b'",
+                "attached_to='b'",
+                "placement_frame='b'",
+                "merge='true'",
+                "tension='1'",
+                "degrees='true'",
+                "x:y='1'",
+            ]
+        ),
     ),
     max_leaves=20,
 )
@@ -337,6 +378,7 @@ def folder(tmp_path: Path) -> Path:
         ("map.yaml", MAP),
         ("map.pgm", PGM),
         ("lab.sdf", SDF),
+        ("a.stl", STL),
         ("table/model.sdf", TABLE),
         ("table/model.config", CONFIG),
     ):
@@ -362,11 +404,28 @@ def test_ros_map(folder: Path, seen: Seen, data: st.DataObject, name: str) -> No
 
 
 @fuzz
-@given(content=mutated(SDF) | sdf_files, strict=st.booleans())
-def test_sdf(folder: Path, seen: Seen, content: bytes, strict: bool) -> None:
+@given(
+    content=mutated(SDF) | sdf_files,
+    options=st.sampled_from([{}, {"strict": True}, {"partial": True}, {"partial": True}]),
+)
+def test_sdf(folder: Path, seen: Seen, content: bytes, options: dict[str, bool]) -> None:
     path = folder / "world.sdf"
     path.write_bytes(content)
-    drive(seen, "SDF", lambda: [read_world(path, strict=strict)])
+    drive(seen, "SDF", lambda: [read_world(path, **options)])
+
+
+@fuzz
+@given(content=mutated(STL))
+def test_mesh_of_a_world(folder: Path, seen: Seen, content: bytes) -> None:
+    (folder / "mesh").mkdir(exist_ok=True)
+    path = folder / "mesh" / "lab.sdf"
+    path.write_bytes(SDF)
+    (folder / "mesh" / "a.stl").write_bytes(content)
+    drive(
+        seen,
+        "SDF mesh",
+        lambda: [read_world(path, model_folders=[folder], partial=True)],
+    )
 
 
 @fuzz

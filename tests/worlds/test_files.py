@@ -35,11 +35,6 @@ def test_yaml_with_an_image_is_a_map(tmp_path: Path) -> None:
     assert world.grid.resolution == 0.5
 
 
-def test_barn_grid(tmp_path: Path) -> None:
-    np.save(tmp_path / "grid_1.npy", np.ones((30, 30), dtype=np.int64))
-    assert read_world(tmp_path / "grid_1.npy").name == "barn_1"
-
-
 def test_options_reach_the_sdf_reader(tmp_path: Path) -> None:
     write_world(WORLD, tmp_path / "a.sdf", "sdf")
     # All is 1 m high.
@@ -48,10 +43,21 @@ def test_options_reach_the_sdf_reader(tmp_path: Path) -> None:
         read_world(tmp_path / "a.sdf", model_folders=["nowhere"])
 
 
-@pytest.mark.parametrize("name", ["a.stl", "a", ".yaml", "a.json"])
-def test_unknown_kind_of_file(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match=r"unknown kind of world; allowed: \.yaml"):
-        read_world(tmp_path / name)
+@pytest.mark.parametrize("text", [b"", b"solid cube\n", b'{"a": 1}', b"\0\1\xff", b"a: 1\n"])
+def test_unknown_kind_of_file(tmp_path: Path, text: bytes) -> None:
+    (tmp_path / "a.world").write_bytes(text)
+    with pytest.raises(InputError, match=r"a\.world: unknown kind of world; allowed: a world or a"):
+        read_world(tmp_path / "a.world")
+
+
+@pytest.mark.parametrize("name", ["burger.model", "a.yaml", "a"])
+def test_content_counts_and_not_the_name(tmp_path: Path, name: str) -> None:
+    for format_ in ("sdf", "yaml"):
+        write_world(WORLD, tmp_path / "w", format_)
+        (tmp_path / "w").rename(tmp_path / name)
+        assert read_world(tmp_path / name).discs.tolist() == WORLD.discs.tolist()
+    np.save(tmp_path / "grid_1.npy", np.ones((30, 30), dtype=np.int64))
+    assert read_world(tmp_path / "grid_1.npy").name == "barn_1"
 
 
 def test_where_nothing_can_be_written(tmp_path: Path) -> None:
