@@ -74,12 +74,8 @@ def _obstacle_at(world: World, x: float, y: float) -> str | None:
     for index, polygon in enumerate(world.polygons):
         if points_in_polygon(np.array([[x, y]]), polygon)[0]:
             return f"polygons[{index}]"
-    if world.grid is not None:
-        column = int(np.floor((x - world.grid.origin[0]) / world.grid.resolution))
-        row = int(np.floor((y - world.grid.origin[1]) / world.grid.resolution))
-        height, width = world.grid.occupied.shape
-        if 0 <= row < height and 0 <= column < width and world.grid.occupied[row, column]:
-            return "a solid cell of the map"
+    if world.grid is not None and world.grid.is_solid(x, y):
+        return "a solid cell of the map"
     return None
 
 
