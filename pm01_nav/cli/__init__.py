@@ -17,6 +17,7 @@ except ImportError:
     raise SystemExit(2) from None
 
 from pm01_nav import __version__  # noqa: E402
+from pm01_nav.cli.notes import notes_shown  # noqa: E402
 from pm01_nav.errors import InputError  # noqa: E402
 from pm01_nav.openmp import wait_briefly  # noqa: E402
 
@@ -68,6 +69,7 @@ def pm01() -> None:
       pm01 evaluate runs/x --episodes 1000
       pm01 replay runs/x -o replay.mp4
     """
+    click.get_current_context().with_resource(notes_shown())
 
 
 def main() -> None:

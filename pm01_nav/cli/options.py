@@ -14,6 +14,22 @@ if TYPE_CHECKING:
 Command = Callable[..., Any]
 
 
+sdf_options = (
+    click.option(
+        "--models",
+        multiple=True,
+        metavar="DIR",
+        help="A folder with models that an SDF world includes (repeatable).",
+    ),
+    click.option(
+        "--partial",
+        is_flag=True,
+        default=None,
+        help="Take what can be read of an SDF world, even if most of it cannot.",
+    ),
+)
+
+
 def task_options(command: Command) -> Command:
     """Add the options that choose a task."""
     for option in reversed(
@@ -25,7 +41,13 @@ def task_options(command: Command) -> Command:
                 "crowd, warehouse, mixed, map (with --map), barn_like, dynabarn_like, barn and "
                 "dynabarn (with --worlds).",
             ),
-            click.option("--map", "map_", metavar="FILE", help="A ROS map's YAML, for task map."),
+            click.option(
+                "--map",
+                "map_",
+                metavar="FILE",
+                help="A ROS map's YAML, our YAML or an SDF world, for task map.",
+            ),
+            *sdf_options,
             click.option(
                 "--worlds",
                 metavar="PATH",
@@ -155,12 +177,12 @@ def task_from_options(
     changes: tuple[str, ...],
     randomization: str | None = None,
     defaults: dict[str, Any] | None = None,
-    **keys: str | None,
+    **keys: Any,
 ) -> TaskConfig:
     """Return the task that the options describe: name or ``base``, then file, then flags.
 
-    ``keys`` are options that are keys of the task; None leaves one as it is. ``defaults`` go
-    before what the name stands for, and behind all else.
+    ``keys`` are options that are keys of the task; None and () leave one as it is.
+    ``defaults`` go before what the name stands for, and behind all else.
 
     Raises:
         InputError: something is unknown or not allowed, or no task was named.
@@ -178,7 +200,7 @@ def task_from_options(
     start = base if base is not None and base.name == name else task_config(name)
     data = merge(start.model_dump(), defaults or {})
     data = merge(data, {} if task and named.get("name", task) != task else named)
-    data |= {key.rstrip("_"): value for key, value in keys.items() if value is not None}
+    data |= {key.rstrip("_"): value for key, value in keys.items() if value not in (None, ())}
     if randomization is not None:
         chosen = load_randomization(randomization)
         data["randomization"] = None if chosen is None else chosen.model_dump()

@@ -55,6 +55,10 @@ class TaskConfig(FrozenModel):
     """Parameters of the generator to fix, e.g. ``{pedestrians: 20}`` for ``crowd``."""
     map: str | None = None
     """The world to drive in, for the suite ``map``: a ROS map's .yaml, our YAML, or SDF."""
+    models: tuple[str, ...] = ()
+    """Folders with the models that an SDF world includes, searched before the usual ones."""
+    partial: bool = False
+    """Drive in what could be read of an SDF world, even if most of it could not."""
     worlds: str | None = None
     """The folder of the BARN dataset, or the file of the DynaBARN worlds, for those suites."""
     num_worlds: Annotated[int, Field(ge=1, le=65536)] = 1024

@@ -34,7 +34,10 @@ def world_pool(
     """
     radius = config.robot_spec().footprint.circumscribed_radius + config.margin
     if config.suite == "map":
-        return build_pool([read_world(_required(config.map, "map"))], radius)
+        world = read_world(
+            _required(config.map, "map"), model_folders=config.models, partial=config.partial
+        )
+        return build_pool([world], radius)
     if config.suite == "barn":
         inscribed = config.robot_spec().footprint.inscribed_radius
         return build_pool(load_barn(_required(config.worlds, "worlds")).worlds, inscribed)

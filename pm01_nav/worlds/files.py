@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +15,10 @@ from pm01_nav.errors import InputError
 from pm01_nav.geometry import points_in_polygon
 from pm01_nav.worlds.barn_grid import read_barn_grid
 from pm01_nav.worlds.mjcf import world_to_mjcf
+from pm01_nav.worlds.reading import Reading, tell
 from pm01_nav.worlds.ros_map import read_ros_map
 from pm01_nav.worlds.ros_map_writer import RESOLUTION, write_ros_map
-from pm01_nav.worlds.sdf import BAND, read_sdf_world
+from pm01_nav.worlds.sdf import BAND, read_sdf
 from pm01_nav.worlds.sdf_writer import world_to_sdf
 from pm01_nav.worlds.world import World
 from pm01_nav.worlds.yaml_world import read_yaml_world, write_yaml_world
@@ -24,44 +26,51 @@ from pm01_nav.worlds.yaml_world import read_yaml_world, write_yaml_world
 WORLD_FORMATS = ("yaml", "map", "sdf", "mjcf")
 
 
-def read_world(
+def read_world(path: str | Path, **options: Any) -> World:
+    """Read a world like ``read_world_file``, and log what was left out.
+
+    Raises:
+        InputError: as ``read_world_file``.
+    """
+    return tell(read_world_file(path, **options))
+
+
+def read_world_file(
     path: str | Path,
     *,
     model_folders: Iterable[str | Path] = (),
     z_min: float = BAND[0],
     z_max: float = BAND[1],
+    partial: bool = False,
     strict: bool = False,
-) -> World:
+) -> Reading:
     """Read a world from our YAML, a ROS map, SDF, or a BARN grid.
 
     A YAML file with the key ``image`` is a ROS map. The other arguments are for SDF; see
-    ``read_sdf_world``. Files of many worlds have their own readers: ``load_barn``,
-    ``read_dynabarn``.
+    ``read_sdf``. Files of many worlds have their own readers: ``load_barn``, ``read_dynabarn``.
 
     Raises:
         InputError: the file cannot be read, is of another kind, or is wrong; an obstacle stands on
             the start.
     """
     path = Path(path)
-    world = _read(path, model_folders, (z_min, z_max), strict)
+    sdf_options = {"z_min": z_min, "z_max": z_max, "partial": partial, "strict": strict}
+    reading = _read(path, model_folders, sdf_options)
+    world = reading.world
     obstacle = None if world.start is None else _obstacle_at(world, *world.start[:2])
     if obstacle is not None:
         raise InputError(f"{path}: start = {world.start}: lies in {obstacle}; it must be free")
-    return world
+    return reading
 
 
-def _read(
-    path: Path, model_folders: Iterable[str | Path], band: tuple[float, float], strict: bool
-) -> World:
+def _read(path: Path, model_folders: Iterable[str | Path], sdf_options: dict[str, Any]) -> Reading:
     suffix = path.suffix.lower()
     if suffix in (".yaml", ".yml"):
-        return read_ros_map(path) if "image" in load_yaml(path) else read_yaml_world(path)
-    if suffix in (".sdf", ".world"):
-        return read_sdf_world(
-            path, model_folders=model_folders, z_min=band[0], z_max=band[1], strict=strict
-        )
+        return Reading(read_ros_map(path) if "image" in load_yaml(path) else read_yaml_world(path))
     if suffix == ".npy":
-        return read_barn_grid(path)
+        return Reading(read_barn_grid(path))
+    if suffix in (".sdf", ".world"):
+        return read_sdf(path, model_folders=model_folders, **sdf_options)
     allowed = ".yaml (a world or a ROS map), .sdf, .world, .npy (a BARN grid)"
     raise InputError(f"{path}: unknown kind of world; allowed: {allowed}")
 

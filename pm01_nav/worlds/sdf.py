@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from pm01_nav.documents import parse_xml
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.mover import Mover
+from pm01_nav.worlds.reading import Reading, tell
 from pm01_nav.worlds.sdf_actor import read_actor
 from pm01_nav.worlds.sdf_include import ModelFolders
 from pm01_nav.worlds.sdf_shapes import (
@@ -63,14 +63,24 @@ class _Scene:
     skipped: list[str] = field(default_factory=list)
 
 
-def read_sdf_world(
+def read_sdf_world(path: str | Path, **options: Any) -> World:
+    """Read an SDF world like ``read_sdf``, and log what was left out.
+
+    Raises:
+        InputError: as ``read_sdf``.
+    """
+    return tell(read_sdf(path, **options))
+
+
+def read_sdf(
     path: str | Path,
     *,
     model_folders: Iterable[str | Path] = (),
     z_min: float = BAND[0],
     z_max: float = BAND[1],
+    partial: bool = False,
     strict: bool = False,
-) -> World:
+) -> Reading:
     """Read what stands between the heights ``z_min`` and ``z_max`` [m] of an SDF world.
 
     Collisions count; a model without any counts with its visuals. Included models are sought in
@@ -94,21 +104,20 @@ def read_sdf_world(
     _read_models(content, scene, Place(IDENTITY, str(path), path, 0), "world")
     for actor in content.findall("actor"):
         _keep_mover(actor, scene, str(path))
-    _report(scene, path, strict)
+    notes = _report(scene, path, strict)
     try:
-        return _world(content, scene, path)
+        return Reading(_world(content, scene, path), notes)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
 
-def _report(scene: _Scene, path: Path, strict: bool) -> None:
+def _report(scene: _Scene, path: Path, strict: bool) -> tuple[str, ...]:
     if not scene.skipped:
-        return
+        return ()
     named = ", ".join(scene.skipped[:5]) + (", ..." if len(scene.skipped) > 5 else "")
     if strict:
         raise InputError(f"{path}: not supported: {named}")
-    message = f"{path}: skipped {len(scene.skipped)} that are not supported: {named}"
-    warnings.warn(message, UserWarning, stacklevel=3)
+    return (f"{path}: skipped {len(scene.skipped)} that are not supported: {named}",)
 
 
 def _world(content: Element, scene: _Scene, path: Path) -> World:
