@@ -13,8 +13,8 @@ from pm01_nav.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
-MAX_CELLS = 65_000_000
-"""Cells of a grid: an image of 64 million pixels, and a ring around it."""
+MAX_CELLS = 64_000_000
+"""Cells of a grid."""
 MAX_COORDINATE = 1e7
 """[m]; UTM coordinates are below it. Further out a double has no micrometres left."""
 

@@ -62,7 +62,7 @@ class WorldArrays(NamedTuple):
     """1 = the robot fits and a start reaches it, row by row with a closed border, shape (n,)."""
     way_begin: IntArray
     way_frame: FloatArray
-    """Like ``grid_frame``, never turned, (num_worlds, 5); a world too large for cells of 0.4 m has none."""
+    """Like ``grid_frame`` less the yaw; a world too large for cells of 0.4 m has none."""
     jitter: FloatArray
     """Half the side of the square around a start, and a goal, to draw from [m], (num_worlds, 2)."""
     cumulative_weight: FloatArray

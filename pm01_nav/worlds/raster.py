@@ -163,7 +163,9 @@ def _fill_grid(
 
 
 @compiled
-def _fill_outside(solid, shape, frame):
+def _fill_outside(
+    solid: CellArray, shape: tuple[int, int], frame: tuple[float, float, float, float, float]
+) -> None:
     """Fill the cells that reach beyond another grid; ``frame`` is that of ``_fill_cells``."""
     x, y, size, cos, sin = frame
     reach = 0.5 * (abs(cos) + abs(sin)) - SLACK
@@ -177,7 +179,9 @@ def _fill_outside(solid, shape, frame):
 
 
 @compiled
-def _fill_cells(solid, cells, frame):
+def _fill_cells(
+    solid: CellArray, cells: CellArray, frame: tuple[float, float, float, float, float]
+) -> None:
     """Fill what another grid's solid cells overlap.
 
     ``frame`` is its origin and the side of its cells, in cells, and cosine and sine of its yaw.
