@@ -218,7 +218,7 @@ def solid_boxes(grid: OccupancyGrid) -> FloatArray:
     """
     rows, columns = np.nonzero(grid.occupied)
     height, width = np.array(grid.occupied.shape) * grid.resolution
-    low = np.stack([columns, rows], axis=-1) * grid.resolution
+    low = np.stack([columns, rows], axis=-1).astype(np.float64) * grid.resolution
     boxes = np.hstack([low, low + grid.resolution])
     if not grid.closed:
         return boxes

@@ -16,7 +16,7 @@ from pm01_nav.geometry import points_in_polygon
 from pm01_nav.worlds.barn_grid import read_barn_grid
 from pm01_nav.worlds.mjcf import world_to_mjcf
 from pm01_nav.worlds.reading import Reading, tell
-from pm01_nav.worlds.ros_map import read_ros_map
+from pm01_nav.worlds.ros_map import read_map
 from pm01_nav.worlds.ros_map_writer import RESOLUTION, write_ros_map
 from pm01_nav.worlds.sdf import BAND, read_sdf
 from pm01_nav.worlds.sdf_writer import world_to_sdf
@@ -66,7 +66,7 @@ def read_world_file(
 def _read(path: Path, model_folders: Iterable[str | Path], sdf_options: dict[str, Any]) -> Reading:
     suffix = path.suffix.lower()
     if suffix in (".yaml", ".yml"):
-        return Reading(read_ros_map(path) if "image" in load_yaml(path) else read_yaml_world(path))
+        return read_map(path) if "image" in load_yaml(path) else Reading(read_yaml_world(path))
     if suffix == ".npy":
         return Reading(read_barn_grid(path))
     if suffix in (".sdf", ".world"):

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pm01_nav.compilation import compiled
+from pm01_nav.worlds.grid import OccupancyGrid, coarsened
 from pm01_nav.worlds.grid_search import cheapest_path, line_is_free, pull_taut
-from pm01_nav.worlds.world import OccupancyGrid, World
+from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
 MAX_CELLS = 4_000_000
@@ -48,11 +49,7 @@ class FreeSpace:
 
         A border of closed cells surrounds it.
         """
-        height, width = (-(-n // factor) for n in self.free.shape)
-        padded = np.zeros((height * factor, width * factor), dtype=np.bool_)
-        padded[: self.free.shape[0], : self.free.shape[1]] = self.free
-        free = padded.reshape(height, factor, width, factor).any(axis=(1, 3))
-        size = factor * self.resolution
+        size, free = factor * self.resolution, coarsened(self.free, factor)
         return FreeSpace(np.pad(free, 1), size, (self.origin[0] - size, self.origin[1] - size))
 
     def nearest_free(self, x: float, y: float, within: float) -> tuple[int, int] | None:

@@ -79,7 +79,7 @@ class OccupancyGrid:
     @property
     def free_extent(self) -> tuple[float, float, float, float] | None:
         """``extent`` of the free cells alone, None if there are none."""
-        return None if self._free_area is None else self._extent(self._free_area)
+        return None if self.free_area is None else self._extent(self.free_area)
 
     @cached_property
     def known(self) -> OccupancyGrid:
@@ -87,7 +87,7 @@ class OccupancyGrid:
 
         Nobody gets or sees beyond that ring.
         """
-        area = self._free_area if self.closed else None
+        area = self.free_area if self.closed else None
         if area is None:
             return self
         top, left, bottom, right = area
@@ -97,7 +97,7 @@ class OccupancyGrid:
         return OccupancyGrid(cells, self.resolution, (float(x), float(y)), self.yaw, closed=True)
 
     @cached_property
-    def _free_area(self) -> tuple[int, int, int, int] | None:
+    def free_area(self) -> tuple[int, int, int, int] | None:
         """First row and column of the free cells, and those after the last; None without any."""
         free = self.occupied == 0
         rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
@@ -111,6 +111,14 @@ class OccupancyGrid:
         corners = self.to_world([[left, low], [right, low], [right, high], [left, high]])
         (x_min, y_min), (x_max, y_max) = corners.min(axis=0), corners.max(axis=0)
         return float(x_min), float(y_min), float(x_max), float(y_max)
+
+
+def coarsened(cells: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
+    """Return cells ``factor`` times as large, true where one of theirs is."""
+    height, width = (-(-n // factor) for n in cells.shape)
+    padded = np.zeros((height * factor, width * factor), dtype=np.bool_)
+    padded[: cells.shape[0], : cells.shape[1]] = cells
+    return np.asarray(padded.reshape(height, factor, width, factor).any(axis=(1, 3)))
 
 
 def check_coordinates(values: FloatArray, name: str) -> None:

@@ -118,7 +118,7 @@ def read_map(path: str | Path) -> Reading:
         world = World(path.stem, grid.extent(), grid=grid)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    return Reading(world, (), f"{path}: {_summary(cells, settings)}")
+    return Reading(world, summary=f"{path}: {_summary(cells, settings)}")
 
 
 def _summary(cells: NDArray[np.uint8], settings: MapFile) -> str:

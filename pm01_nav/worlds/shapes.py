@@ -79,7 +79,8 @@ def grid_boxes(grid: OccupancyGrid) -> list[Box]:
     bottom, begin, end, top = np.column_stack([runs[first], runs[last, 0]]).T
     middles = grid.to_world(np.column_stack([begin + end, bottom + top + 1]) / 2.0)
     sides = grid.resolution * np.column_stack([end - begin, top + 1 - bottom])
-    return [Box(*row, grid.yaw) for row in np.hstack([middles, sides]).tolist()]
+    places = np.hstack([middles, sides]).tolist()
+    return [Box(x, y, length, width, grid.yaw) for x, y, length, width in places]
 
 
 def _runs(solid: NDArray[np.bool_]) -> NDArray[np.int64]:
