@@ -101,10 +101,12 @@ def _facts(config: TaskConfig, pool: WorldPool) -> list[str]:
         regions = np.where(left_out, space.regions(), 0)
         sizes = np.bincount(regions.ravel())[1:]
         rows, columns = np.nonzero(regions == sizes.argmax() + 1)
-        x, y = space.centre(rows, columns)[len(rows) // 2]
+        places, half = space.centre(rows, columns), space.resolution / 2.0
+        corners = *(places.min(axis=0) - half), *(places.max(axis=0) + half)
+        region = " ".join(f"{value:.1f}" for value in corners)
         lines.append(
-            f"not connected: {left_out.sum() * cell:.1f} m² in {np.count_nonzero(sizes)} pieces, "
-            f"the largest {sizes.max() * cell:.1f} m² around ({x:.1f}, {y:.1f})"
+            f"not connected: {left_out.sum() * cell:.1f} m² in {np.count_nonzero(sizes)} pieces; "
+            f'the largest, {sizes.max() * cell:.1f} m², is had by --region "{region}"'
         )
     return lines
 
