@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from pm01_nav.worlds.pool import WorldPool
 
 
+LEAST_WORTH_SAYING = 0.1
+"""Less free space that is left out is not mentioned [m²]."""
+
+
 def file_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say how a file is read."""
     for option in (*reversed(sdf_options), region_option):
@@ -97,7 +101,7 @@ def _facts(config: TaskConfig, pool: WorldPool) -> list[str]:
         f"{config.robot} needs {pool.radius:.2f} m around its centre: starts and goals lie in "
         f"{reached.sum() * cell:.1f} m²",
     ]
-    if left_out.any():
+    if left_out.sum() * cell >= LEAST_WORTH_SAYING:
         regions = np.where(left_out, space.regions(), 0)
         sizes = np.bincount(regions.ravel())[1:]
         rows, columns = np.nonzero(regions == sizes.argmax() + 1)
@@ -105,7 +109,7 @@ def _facts(config: TaskConfig, pool: WorldPool) -> list[str]:
         corners = *(places.min(axis=0) - half), *(places.max(axis=0) + half)
         region = " ".join(f"{value:.1f}" for value in corners)
         lines.append(
-            f"not connected: {left_out.sum() * cell:.1f} m² in {np.count_nonzero(sizes)} pieces; "
+            f"not connected: {left_out.sum() * cell:.1f} m², pieces: {np.count_nonzero(sizes)}; "
             f'the largest, {sizes.max() * cell:.1f} m², is had by --region "{region}"'
         )
     return lines

@@ -139,13 +139,19 @@ def draw_world(world: World, view: View, size: Size) -> Image.Image:
     """Draw what stands still, ``SUPERSAMPLING`` times as large as the picture."""
     view, unit = view.magnified(SUPERSAMPLING), layout_unit(size) * SUPERSAMPLING
     picture = Image.new("RGB", (size[0] * SUPERSAMPLING, size[1] * SUPERSAMPLING), PAGE)
-    _draw_floor(_Brush(ImageDraw.Draw(picture), view, unit), world.bounds)
+    _draw_floor(_Brush(ImageDraw.Draw(picture), view, unit), _floor(world))
     shadow = Image.new("L", picture.size, 0)
     _draw_obstacles(shadow, view, unit, world, (SHADOW_ALPHA, SHADOW_ALPHA, SHADOW_ALPHA))
     shadow = shadow.filter(ImageFilter.GaussianBlur(2.5 * unit))
     picture.paste(SHADOW, (0, round(1.5 * unit)), shadow)
     _draw_obstacles(picture, view, unit, world, (OBSTACLE, OBSTACLE_EDGE, WALL))
     return picture
+
+
+def _floor(world: World) -> tuple[float, float, float, float]:
+    """Return the part of the bounds that is shown."""
+    (left, low, right, high), (x_min, y_min, x_max, y_max) = shown_area(world), world.bounds
+    return max(left, x_min), max(low, y_min), min(right, x_max), min(high, y_max)
 
 
 def _draw_floor(brush: _Brush, bounds: tuple[float, float, float, float]) -> None:

@@ -20,6 +20,8 @@ DOORWAY = 1.5
 """Openings in walls up to this width count as closed [m]: doors mostly have 0.8 to 1.2 m."""
 LEAST_ENCLOSED = 2.0
 """Less counts as no room [m²]."""
+LEAST_OPEN = 0.1
+"""A corridor that ends at the edge of a map opens less of that edge; a lawn opens more."""
 LEAST_SHARE = 0.01
 """Less of the starts outside is not worth a word."""
 
@@ -80,10 +82,15 @@ class _Enclosure:
 
 def _enclosure(world: World) -> _Enclosure | None:
     """Return what walls enclose, None if it is next to nothing."""
-    space = free_space(_without_edge(world), DOORWAY / 2.0)
+    grid = world.grid if world.grid is not None and world.grid.closed else None
+    opened = None if grid is None else _opened(grid)
+    if opened is not None and (_edge(opened.occupied) == 0).mean() < LEAST_OPEN:
+        return None
+    area = world.bounds if grid is None else grid.free_extent or world.bounds
+    bounds = (area[0] - DOORWAY, area[1] - DOORWAY, area[2] + DOORWAY, area[3] + DOORWAY)
+    space = free_space(replace(world, bounds=bounds, grid=opened or world.grid), DOORWAY / 2.0)
     regions = space.regions()
-    edge = np.concatenate([regions[0], regions[-1], regions[:, 0], regions[:, -1]])
-    outside = np.isin(regions, np.unique(edge[edge > 0]))
+    outside = np.isin(regions, np.unique(_edge(regions)[_edge(regions) > 0]))
     rooms = space.free & ~outside
     if not outside.any() or rooms.sum() * space.resolution**2 < LEAST_ENCLOSED:
         return None
@@ -98,12 +105,9 @@ def _enclosure(world: World) -> _Enclosure | None:
     return _Enclosure(replace(space, free=covered), around)
 
 
-def _without_edge(world: World) -> World:
-    """Return a world that is free beyond its edge, or its map's, and shows a strip of that."""
-    grid = world.grid if world.grid is not None and world.grid.closed else None
-    area = world.bounds if grid is None else grid.free_extent or world.bounds
-    bounds = (area[0] - DOORWAY, area[1] - DOORWAY, area[2] + DOORWAY, area[3] + DOORWAY)
-    return replace(world, bounds=bounds, grid=world.grid if grid is None else _opened(grid))
+def _edge(cells: NDArray) -> NDArray:
+    """Return the first and last row and column."""
+    return np.concatenate([cells[0], cells[-1], cells[:, 0], cells[:, -1]])
 
 
 def _opened(grid: OccupancyGrid) -> OccupancyGrid:

@@ -84,6 +84,16 @@ def test_what_nobody_has_seen_is_no_lawn() -> None:
     assert starts_outside(world, starts(world)) is None
 
 
+def test_corridor_that_ends_at_the_edge_of_a_map_is_not_outside() -> None:
+    # A room of 6 m x 6 m, and a corridor of 2 m from it to the edge of the image.
+    cells = np.ones((200, 300), dtype=np.uint8)
+    cells[40:160, 40:160] = cells[80:120, 160:] = 0
+    cells[40:160, 98:101] = 1
+    cells[60:80, 98:101] = 0
+    world = World("hall", (0, 0, 15, 10), grid=OccupancyGrid(cells, 0.05, (0, 0), closed=True))
+    assert starts_outside(world, starts(world)) is None
+
+
 def test_margin_around_an_arena_is_warned_of() -> None:
     # Walls of 0.2 m around 6 m x 6 m, with 4 m of margin: more of it than of the arena, which is
     # 20 m² for the robot.
