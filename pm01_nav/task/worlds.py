@@ -13,7 +13,10 @@ from pm01_nav.worlds.dynabarn import read_dynabarn
 from pm01_nav.worlds.files import read_world
 from pm01_nav.worlds.pool import WorldPool, build_pool
 from pm01_nav.worlds.pool_cache import suite_pool
+from pm01_nav.worlds.reading import Reading, tell
+from pm01_nav.worlds.region import drive_within, starts_outside
 from pm01_nav.worlds.suites import SUITES
+from pm01_nav.worlds.world import World
 
 Split = Literal["train", "held_out"]
 FILE_SUITES = ("map", "barn", "dynabarn")
@@ -39,13 +42,9 @@ def world_pool(
     Raises:
         InputError: the suite is unknown, its files are unusable, or no way leads to a goal.
     """
-    footprint = (robot or config.robot_spec()).footprint
-    radius = footprint.circumscribed_radius + config.margin
     if config.suite == "map":
-        world = read_world(
-            _required(config.map, "map"), model_folders=config.models, partial=config.partial
-        )
-        return build_pool([world], radius)
+        return own_world_pool(config, robot)
+    footprint = (robot or config.robot_spec()).footprint
     if config.suite == "barn":
         barn = load_barn(_required(config.worlds, "worlds"))
         return build_pool(barn.worlds, footprint.inscribed_radius)
@@ -56,8 +55,43 @@ def world_pool(
     if config.suite not in SUITES:
         allowed = ", ".join(sorted([*SUITES, *FILE_SUITES]))
         raise InputError(f"suite = {config.suite!r}: unknown; allowed: {allowed}")
+    radius = footprint.circumscribed_radius + config.margin
     seeds = world_seeds(split, first + count, seed)[first:]
     return suite_pool(config.suite, seeds, radius, config.suite_params)
+
+
+def own_world_pool(config: TaskConfig, robot: RobotSpec | None = None) -> WorldPool:
+    """Read the world of ``config.map``; warn if episodes start outside of what walls enclose.
+
+    ``robot`` takes the place of the task's.
+
+    Raises:
+        InputError: the file is unusable, or no way leads to a goal.
+    """
+    world = _whole_world(config)
+    radius = (robot or config.robot_spec()).footprint.circumscribed_radius + config.margin
+    pool = build_pool([_part(world, config)], radius)
+    if (warning := starts_outside(world, pool.arrays.starts)) is not None:
+        tell(Reading(world, (warning,)))
+    return pool
+
+
+def own_world(config: TaskConfig) -> World:
+    """Read the world of ``config.map``, with ``config.region`` as its bounds if there is one.
+
+    Raises:
+        InputError: the file or the region is unusable.
+    """
+    return _part(_whole_world(config), config)
+
+
+def _whole_world(config: TaskConfig) -> World:
+    path = _required(config.map, "map")
+    return read_world(path, model_folders=config.models, partial=config.partial)
+
+
+def _part(world: World, config: TaskConfig) -> World:
+    return world if config.region is None else drive_within(world, config.region)
 
 
 def world_seeds(split: Split, count: int, seed: int) -> range:

@@ -28,8 +28,9 @@ from pm01_nav.errors import InputError
 from pm01_nav.worlds.barn import read_barn_path_length, read_barn_world
 from pm01_nav.worlds.dynabarn import read_dynabarn
 from pm01_nav.worlds.files import read_world
+from pm01_nav.worlds.grid import MAX_COORDINATE
 from pm01_nav.worlds.pool import find_places
-from pm01_nav.worlds.world import MAX_COORDINATE, MAX_OBSTACLES, World
+from pm01_nav.worlds.world import MAX_OBSTACLES, World
 
 EXAMPLES = int(os.environ.get("PM01_FUZZ_EXAMPLES", "60"))
 Seen = Counter[tuple[str, str]]
