@@ -333,7 +333,7 @@ class SafetySupervisor:
         return bool((np.abs(odometry.twist) <= fastest).all())
 
     def _moved_too_far(self, before: Odometry, after: Odometry) -> bool:
-        """Tell whether odometry jumped: at once, to and fro as of two sources, or to a frame."""
+        """Tell whether odometry jumped: at once, back and forth as of two sources, or to a frame."""
         possible = 2.0 * self._fastest * (after.stamp - before.stamp)
         moved = _way(before.pose, after.pose)
         self._excess = np.maximum(self._excess + moved - possible, 0.0)

@@ -240,7 +240,7 @@ def test_scans_of_two_lidars_on_one_topic(moving, make_scan):
 
 
 def test_odometry_of_two_sources(robot, make_scan, make_odometry):
-    """Wheels and a filter on one topic: 0.1 m apart is no jump, to and fro all the time is."""
+    """Wheels and a filter on one topic: 0.1 m apart is no jump, back and forth all the time is."""
 
     def reasons(apart: float, frames=("odom", "odom")) -> set[Reason]:
         supervisor, found = SafetySupervisor(robot, DT, SafetyConfig()), set()
@@ -252,7 +252,7 @@ def test_odometry_of_two_sources(robot, make_scan, make_odometry):
             found.update(supervisor.supervise((0.1, 0.0), now).reasons)
         return found
 
-    # In 0.05 s PM01 can move 0.05 m, twice what its limit says: 0.04 m to and fro may be noise.
+    # In 0.05 s PM01 can move 0.05 m, twice what its limit says: 0.04 m back and forth may be noise.
     assert reasons(0.04) == set()
     # Six times 0.1 - 0.05 m are 0.3 m, more than may be.
     assert Reason.ODOMETRY_JUMP in reasons(0.1)
