@@ -29,14 +29,14 @@ def check_scan(scan: ArrayLike, expected: ScanGeometry) -> NDArray[np.float32]:
     if negative.any():
         at = tuple(int(i) for i in np.argwhere(negative)[0])
         raise InputError(f"scan[{at[-1]}] = {scan[at]:g}: a range must not be negative")
-    scan = read_zeros(scan, expected.zero_means)
+    ranges = read_zeros(scan, expected.zero_means)
     # A policy may look less far than its lidar: what lies beyond is no return to it.
-    if not is_valid(scan, expected.range_min, np.inf).any(axis=-1).all():
+    if not is_valid(ranges, expected.range_min, np.inf).any(axis=-1).all():
         raise InputError(
             "scan: every range is NaN, 0 or below range_min; at least one must be valid "
             "(where the lidar's driver sends 0 for no return, set lidar.zero_means)"
         )
-    return scan
+    return ranges
 
 
 def finite_pair(value: ArrayLike, name: str) -> NDArray[np.float64]:

@@ -171,14 +171,15 @@ class Moving:
         self.make_odometry = make_odometry
         self.pose, self.now = np.zeros(3), 10.0
 
-    def see(self, scan: Scan, v: float, w: float = 0.0) -> tuple[Reason, ...]:
+    def see(self, scan: Scan, v: float, w: float = 0.0, says=("pose", "twist")):
         """Move for a tenth of a second; return why the robot stands after a scan."""
         for _ in range(2):
             self.now += 0.05
             self.pose = self.pose + 0.05 * np.array([v, 0.0, w])
-            self.supervisor.see_odometry(
-                self.make_odometry(self.now, v, w, tuple(self.pose)), self.now
-            )
+            twist = (v, w) if "twist" in says else (0.0, 0.0)
+            pose = tuple(self.pose) if "pose" in says else (0.0, 0.0, 0.0)
+            odometry = self.make_odometry(self.now, *twist, pose)
+            self.supervisor.see_odometry(odometry, self.now)
         self.supervisor.see_scan(replace(scan, stamp=self.now), self.now)
         return self.supervisor.faults(self.now)
 
@@ -198,6 +199,12 @@ def test_a_lidar_that_repeats_one_scan_while_the_robot_moves_is_broken(moving, m
     # It stays broken while the robot stands, until the lidar moves on.
     assert moving.see(scan, 0.0) == (Reason.FROZEN_SCAN,)
     assert moving.see(make_scan(0.0, 2.0, beam_7=2.001), 0.0) == ()
+
+
+@pytest.mark.parametrize("says", ["pose", "twist"])
+def test_odometry_may_tell_of_motion_in_either_way(moving, make_scan, says):
+    reasons = [moving.see(make_scan(0.0, 2.0), 0.3, says=(says,)) for _ in range(12)]
+    assert (reasons[8], reasons[-1]) == ((), (Reason.FROZEN_SCAN,))
 
 
 def test_to_stop_now_and_then_does_not_hide_a_broken_lidar(moving, make_scan):
