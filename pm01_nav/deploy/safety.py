@@ -165,9 +165,11 @@ class SafetySupervisor:
 
     def _moved_before(self, stamp: float) -> bool:
         """Tell whether by odometry the robot moved between the newest scan and ``stamp``."""
-        since = stamp - self._scan.stamp
-        if self._track.newest is None or not since > 0.0:
+        since, newest = stamp - self._scan.stamp, self._track.newest
+        if newest is None or not since > 0.0:
             return False
+        if (np.abs(newest.twist) > MOVING).any():
+            return True
         now, before = self._track.pose_at(stamp), self._track.pose_at(self._scan.stamp)
         return bool((_way(before, now) > MOVING * since).any())
 
@@ -342,7 +344,7 @@ class SafetySupervisor:
         return bool((np.abs(odometry.twist) <= fastest).all())
 
     def _moved_too_far(self, before: Odometry, after: Odometry) -> bool:
-        """Tell whether odometry jumped: at once, to and fro as of two sources, or to a frame."""
+        """Tell whether odometry jumped: at once, back and forth (two sources), or to a frame."""
         possible = 2.0 * self._fastest * (after.stamp - before.stamp)
         moved = _way(before.pose, after.pose)
         self._excess = np.maximum(self._excess + moved - possible, 0.0)

@@ -171,14 +171,15 @@ class Moving:
         self.make_odometry = make_odometry
         self.pose, self.now = np.zeros(3), 10.0
 
-    def see(self, scan: Scan, v: float, w: float = 0.0) -> tuple[Reason, ...]:
+    def see(self, scan: Scan, v: float, w: float = 0.0, says=("pose", "twist")):
         """Move for a tenth of a second; return why the robot stands after a scan."""
         for _ in range(2):
             self.now += 0.05
             self.pose = self.pose + 0.05 * np.array([v, 0.0, w])
-            self.supervisor.see_odometry(
-                self.make_odometry(self.now, v, w, tuple(self.pose)), self.now
-            )
+            twist = (v, w) if "twist" in says else (0.0, 0.0)
+            pose = tuple(self.pose) if "pose" in says else (0.0, 0.0, 0.0)
+            odometry = self.make_odometry(self.now, *twist, pose)
+            self.supervisor.see_odometry(odometry, self.now)
         self.supervisor.see_scan(replace(scan, stamp=self.now), self.now)
         return self.supervisor.faults(self.now)
 
@@ -198,6 +199,12 @@ def test_a_lidar_that_repeats_one_scan_while_the_robot_moves_is_broken(moving, m
     # It stays broken while the robot stands, until the lidar moves on.
     assert moving.see(scan, 0.0) == (Reason.FROZEN_SCAN,)
     assert moving.see(make_scan(0.0, 2.0, beam_7=2.001), 0.0) == ()
+
+
+@pytest.mark.parametrize("says", ["pose", "twist"])
+def test_odometry_may_tell_of_motion_in_either_way(moving, make_scan, says):
+    reasons = [moving.see(make_scan(0.0, 2.0), 0.3, says=(says,)) for _ in range(12)]
+    assert (reasons[8], reasons[-1]) == ((), (Reason.FROZEN_SCAN,))
 
 
 def test_to_stop_now_and_then_does_not_hide_a_broken_lidar(moving, make_scan):
@@ -240,7 +247,7 @@ def test_scans_of_two_lidars_on_one_topic(moving, make_scan):
 
 
 def test_odometry_of_two_sources(robot, make_scan, make_odometry):
-    """Wheels and a filter on one topic: 0.1 m apart is no jump, to and fro all the time is."""
+    """Wheels and a filter on one topic: 0.1 m apart is no jump, back and forth all the time is."""
 
     def reasons(apart: float, frames=("odom", "odom")) -> set[Reason]:
         supervisor, found = SafetySupervisor(robot, DT, SafetyConfig()), set()
@@ -252,7 +259,7 @@ def test_odometry_of_two_sources(robot, make_scan, make_odometry):
             found.update(supervisor.supervise((0.1, 0.0), now).reasons)
         return found
 
-    # In 0.05 s PM01 can move 0.05 m, twice what its limit says: 0.04 m to and fro may be noise.
+    # In 0.05 s PM01 can move 0.05 m, twice what its limit says: 0.04 m back and forth may be noise.
     assert reasons(0.04) == set()
     # Six times 0.1 - 0.05 m are 0.3 m, more than may be.
     assert Reason.ODOMETRY_JUMP in reasons(0.1)
