@@ -91,6 +91,7 @@ def test_whatever_ends_the_active_state_stops_the_robot(
 ):
     start("sim_node", world="empty")
     start("policy_node", policy=policy_file, autostart="true")
+    assert watcher.wait_for(lambda: state() == "active")
     for transition in ("deactivate", "active_shutdown"):
         if state() == "inactive":
             assert change_state("activate")
