@@ -293,7 +293,8 @@ def read_scans(ranges, scan, range_min, range_max):
 def reading(value, shortest, longest):
     """Return by REP-117 what the sensor says of a range: +inf beyond its reach, -inf below it."""
     # This sensor knows what is too close; of others a finite range below range_min is doubtful.
-    value = np.float32(-np.inf) if value < shortest else value
+    too_close = (value < shortest) | (value == np.float32(0.0))
+    value = np.float32(-np.inf) if too_close else value
     return sanitized(value, shortest, longest)
 
 

@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 def reference_scan(world: World, robot: RobotSpec, pose: ArrayLike) -> FloatArray:
     """Return the exact ranges seen from ``pose`` (3,) [m, m, rad], shape (num_beams,) [m].
 
-    +inf beyond ``range_max``, -inf below ``range_min`` (REP-117); no noise.
+    +inf beyond ``range_max``, -inf below ``range_min`` and at 0 (REP-117); no noise.
     """
     lidar = robot.lidar
     x, y, yaw = np.asarray(pose, dtype=np.float64)
@@ -36,7 +36,7 @@ def reference_scan(world: World, robot: RobotSpec, pose: ArrayLike) -> FloatArra
         for box in solid_boxes(world.grid):
             ranges = np.minimum(ranges, _rays_to_box(start, turned, box))
     ranges[ranges > lidar.range_max] = np.inf
-    ranges[ranges < lidar.range_min] = -np.inf
+    ranges[(ranges < lidar.range_min) | (ranges == 0.0)] = -np.inf
     return ranges
 
 

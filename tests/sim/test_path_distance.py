@@ -148,7 +148,7 @@ def test_an_episode_off_the_raster_begins_with_the_straight_distance(how: str) -
         world = replace(world, movers=(still,))
     sim = PlanarSimulator(load_robot("pm01"), build_pool([world], RADIUS), 1, features=WAYS)
     if how == "errors":
-        sim.perturb(RandomizationConfig().ranges(sim.robot))
+        sim.perturb(RandomizationConfig().ranges(sim.robot, 0.1))
     sim.seed([0])
     sim.reset()
     way = np.array([0]), [[2.0, 1.0, 0.0]], [[4.0, 1.0]]
