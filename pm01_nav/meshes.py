@@ -65,7 +65,9 @@ def load_parts(path: str | Path) -> list[Part]:
     if load is None:
         raise InputError(f"{path}: allowed meshes: {', '.join(_LOADERS)}")
     try:
-        parts = [part for part in load(path) if len(part.triangles)]
+        # What overflows is refused below.
+        with np.errstate(all="ignore"):
+            parts = [part for part in load(path) if len(part.triangles)]
     except (InputError, ImportError) as error:
         raise error if isinstance(error, InputError) else InputError(MISSING) from error
     # The libraries let through whatever goes wrong inside of them.
