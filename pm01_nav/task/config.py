@@ -106,8 +106,6 @@ class TaskConfig(FrozenModel):
         if not isinstance(given, Mapping) or not isinstance(given.get("randomization"), Mapping):
             return given
         control_dt = given.get("control_dt", CONTROL_DT)
-        if not isinstance(control_dt, (int, float)):
-            return given
         ranges = in_seconds(given["randomization"], control_dt, "task.randomization")
         return {**given, "randomization": ranges}
 

@@ -157,15 +157,18 @@ def default_randomization() -> RandomizationConfig:
     )
 
 
-def in_seconds(ranges: Mapping[str, Any], control_dt: float, source: str) -> dict[str, Any]:
+def in_seconds(ranges: Mapping[str, Any], control_dt: Any, source: str) -> dict[str, Any]:
     """Return ranges, in which early files counted delays in control steps, with seconds.
 
-    A warning says what was converted, and by which control period.
+    A warning says what was converted, and by which control period. Where ``control_dt`` is no
+    number, nothing is: whoever checks the task will say so.
 
     Raises:
         InputError: a delay stands there in both ways.
     """
     changed, told = dict(ranges), []
+    if not isinstance(control_dt, (int, float)):
+        return changed
     for name in IN_STEPS:
         if name not in ranges:
             continue
