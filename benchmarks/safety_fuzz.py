@@ -113,10 +113,10 @@ def main() -> None:
     count = arguments.sequences
     kinds = (
         ("pm01", "goals", count // 400),
-        ("pm01", "honest", count // 20),
-        ("jackal", "honest", count // 20),
         ("pm01", "broken", count),
+        ("pm01", "honest", count // 20),
         ("jackal", "broken", count // 5),
+        ("jackal", "honest", count // 20),
     )
     results: dict[str, dict[str, Any]] = {}
     settings = {"control_steps": TICKS, "with_a_frozen_lidar": LONG_TICKS}

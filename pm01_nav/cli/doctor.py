@@ -59,14 +59,14 @@ SYMPTOMS = (
         "see ROS 2 above; ros2 topic list",
     ),
     (
-        'the robot stands: "the scan is unusable", "the lidar does not see"',
-        "the lidar's driver sends 0 or ranges beyond range_max for no return",
-        "pm01 drive and /diagnostics say which; for 0 set lidar.zero_means in the robot's YAML",
-    ),
-    (
         "it drives differently when loaded",
         "another observation, normaliser or random actions",
         "use policy.onnx: it holds all three and refuses a robot that does not fit",
+    ),
+    (
+        'the robot stands: "the scan is unusable", "the lidar does not see"',
+        "the lidar's driver sends 0 or ranges beyond range_max for no return",
+        "pm01 drive says which; for 0 set lidar.zero_means in the robot's YAML",
     ),
 )
 

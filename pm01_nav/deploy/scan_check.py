@@ -46,7 +46,10 @@ class ScanCheck:
         self._zero_means: ZeroMeans = lidar.zero_means
         self._valid_share_min = valid_share_min
         self._frozen_s = frozen_s
-        self._newest: Scan | None = None
+        self.stamp = math.nan
+        """When the newest scan was taken, by the robot's clock [s]."""
+        self._bits = b""
+        """Of its ranges; a copy, since a driver may write into the same array again."""
         self._repeated_s = 0.0
         """For how long the robot has moved while the ranges stayed as they are [s]."""
         self.returns: NDArray[np.float64] | None = None
@@ -54,11 +57,6 @@ class ScanCheck:
         self.advice: str | None = None
         """What a person can do about a scan that tells too little; None if it tells enough."""
         self._seen = NOTHING_SEEN
-
-    @property
-    def stamp(self) -> float:
-        """When the newest scan was taken, by the robot's clock [s]."""
-        return math.nan if self._newest is None else self._newest.stamp
 
     @property
     def frozen(self) -> bool:
@@ -73,7 +71,6 @@ class ScanCheck:
     def see(self, scan: Scan, *, moves: bool) -> bool:
         """Take in a scan, and whether the robot moved before it; tell whether it is usable."""
         self._note_repetition(scan, moves)
-        self._newest = scan
         self.returns, self._seen, self.advice = None, NOTHING_SEEN, None
         if not _is_well_formed(scan):
             return False
@@ -98,26 +95,22 @@ class ScanCheck:
     def forget(self) -> None:
         """Drop what was seen."""
         self.returns, self._seen, self.advice = None, NOTHING_SEEN, None
-        self._newest, self._repeated_s = None, 0.0
+        self.stamp, self._bits, self._repeated_s = math.nan, b"", 0.0
 
     def _note_repetition(self, scan: Scan, moves: bool) -> None:
-        before = self._newest
-        since = math.inf if before is None else scan.stamp - before.stamp
-        if before is None or not 0.0 < since <= LONGEST_GAP_S or not _repeats(before, scan):
+        """Note for how long scans have been equal to the last bit though something is in range.
+
+        A lidar in free space repeats itself rightly: no return looks the same from everywhere.
+        """
+        ranges = np.asarray(scan.ranges, dtype=np.float32)
+        bits, since = ranges.tobytes(), scan.stamp - self.stamp
+        low, high = np.float32(scan.range_min), np.float32(scan.range_max)
+        met = bool(((ranges >= low) & (ranges <= high) & (ranges != 0.0)).any())
+        if not (met and bits == self._bits and 0.0 < since <= LONGEST_GAP_S):
             self._repeated_s = 0.0
         elif moves:
             self._repeated_s += since
-
-
-def _repeats(before: Scan, scan: Scan) -> bool:
-    """Tell whether two scans are equal to the last bit though something is in range.
-
-    A lidar in free space repeats itself rightly: no return looks the same from everywhere.
-    """
-    old, new = np.asarray(before.ranges), np.asarray(scan.ranges)
-    low, high = np.float32(scan.range_min), np.float32(scan.range_max)
-    met = bool(((new >= low) & (new <= high) & (new != 0.0)).any())
-    return met and old.dtype == new.dtype and old.tobytes() == new.tobytes()
+        self.stamp, self._bits = scan.stamp, bits
 
 
 def _is_well_formed(scan: Scan) -> bool:

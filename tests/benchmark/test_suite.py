@@ -49,6 +49,10 @@ def test_what_a_policy_learns_by_does_not_count() -> None:
     assert changed(num_worlds=7).hash == SUITE.hash
 
 
+def test_what_a_driver_means_by_a_zero_does_not_count() -> None:
+    assert changed(robot_changes={"lidar": {"zero_means": "no_return"}}).hash == SUITE.hash
+
+
 def test_worlds_count(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "pm01_nav.benchmark.suite.worlds_hash", lambda worlds: worlds_hash(worlds[1:])

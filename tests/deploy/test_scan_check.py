@@ -230,6 +230,13 @@ def test_where_nothing_is_in_range_all_scans_are_alike(moving, make_scan, robot_
     assert all(zeros.see(scan, 0.3) == () for _ in range(30))
 
 
+def test_a_driver_may_write_into_the_same_array_again(moving, make_scan):
+    scan = make_scan(0.0, 2.0)
+    for k in range(30):
+        scan.ranges[7] = 2.0 + 0.001 * k
+        assert moving.see(scan, 0.3) == ()
+
+
 def test_a_lidar_that_moves_on_by_one_bit_is_not_broken(moving, make_scan):
     distance = np.float32(2.0)
     for _ in range(30):
