@@ -69,8 +69,8 @@ def medians(runs: list[dict[str, float]]) -> dict[str, Any]:
 def train(pm01: str, path: Path, folder: Path) -> dict[str, float]:
     """Train in a map; return the figures of ``measure`` and the environment steps."""
     figures = measure([pm01, *TRAIN, "--map", str(path), "--out", str(folder)])
-    steps = json.loads((folder / "history.json").read_text())["steps"][-1]
-    return figures | {"steps": steps}
+    history = json.loads((folder / "history.json").read_text())
+    return figures | {"steps": history["steps"][-1]}
 
 
 def main() -> None:
