@@ -20,6 +20,8 @@ from pm01_nav.robot import RobotSpec
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.terminations import out_of_time
 from pm01_nav.worlds.barn import UNREADABLE
+from pm01_nav.worlds.grid import OccupancyGrid
+from pm01_nav.worlds.raster import rasterise
 from pm01_nav.worlds.world import World
 
 FORMAT = 1
@@ -193,10 +195,10 @@ def _robot(robot: RobotSpec) -> dict[str, Any]:
 
 
 def _geometry(world: World) -> dict[str, NDArray[Any]]:
-    grid = world.grid
+    grid = None if world.grid is None else _not_turned(world.grid.known)
     frame = (*grid.origin, grid.resolution) if grid else (0.0, 0.0, 1.0)
     return {
-        "bounds": _single(world.bounds),
+        "bounds": _single(world.known_bounds),
         "discs": _single(world.discs),
         "segments": _single(world.segments),
         "corners": _single(np.concatenate([np.zeros((0, 2)), *world.polygons])),
@@ -204,6 +206,13 @@ def _geometry(world: World) -> dict[str, NDArray[Any]]:
         "grid": grid.occupied if grid else np.zeros((0, 0), dtype=np.uint8),
         "grid_frame": _single(frame),
     }
+
+
+def _not_turned(grid: OccupancyGrid) -> OccupancyGrid:
+    """Return a grid for a picture: a turned one on lines along x and y."""
+    if grid.yaw == 0.0:
+        return grid
+    return rasterise(World("grid", grid.extent(), grid=grid), grid.resolution)
 
 
 def _single(values: Any) -> Single:

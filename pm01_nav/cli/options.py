@@ -14,6 +14,33 @@ if TYPE_CHECKING:
 Command = Callable[..., Any]
 
 
+def _four_numbers(
+    context: click.Context, parameter: click.Parameter, text: str | None
+) -> tuple[float, ...] | None:
+    """Turn "x0 y0 x1 y1" into numbers.
+
+    Raises:
+        InputError: these are not four numbers.
+    """
+    from pm01_nav.errors import InputError
+
+    if text is None:
+        return None
+    try:
+        numbers = tuple(float(word) for word in text.replace(",", " ").split())
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 4:
+        raise InputError(f"--region {text!r}: must be four numbers, x_min y_min x_max y_max [m]")
+    return numbers
+
+
+region_option = click.option(
+    "--region",
+    metavar='"X0 Y0 X1 Y1"',
+    callback=_four_numbers,
+    help="The part of an own world or map to drive in [m].",
+)
 sdf_options = (
     click.option(
         "--models",
@@ -47,6 +74,7 @@ def task_options(command: Command) -> Command:
                 metavar="FILE",
                 help="A ROS map's YAML, our YAML or an SDF world, for task map.",
             ),
+            region_option,
             *sdf_options,
             click.option(
                 "--worlds",
@@ -198,6 +226,9 @@ def task_from_options(
     if name is None:
         raise InputError(f"task: give --task; one of {', '.join(sorted(TASKS))}")
     start = base if base is not None and base.name == name else task_config(name)
+    if keys.get("map_") is not None:
+        # A region belongs to the map it was given with.
+        start = start.model_copy(update={"region": None})
     data = merge(start.model_dump(), defaults or {})
     data = merge(data, {} if task and named.get("name", task) != task else named)
     data |= {key.rstrip("_"): value for key, value in keys.items() if value not in (None, ())}

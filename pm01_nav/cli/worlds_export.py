@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
+from pm01_nav.cli.worlds_file import export_file, file_options, is_file, own_task
 
-@click.command("export", short_help="Write one world of a suite as YAML, ROS map, SDF or MJCF.")
-@click.argument("suite")
+
+@click.command("export", short_help="Write a world as YAML, ROS map, SDF or MJCF.")
+@click.argument("source", metavar="SUITE|FILE")
 @click.option("--seed", default=0, show_default=True, help="Which of the held-out worlds, from 0.")
 @click.option(
     "--format",
@@ -19,16 +23,20 @@ import click
 @click.option(
     "--resolution", default=0.05, show_default=True, help="Side of a map's cell [m], for map."
 )
+@file_options
 @click.option("-o", "--output", required=True, metavar="FILE", help="The file to write.")
-def export(suite: str, seed: int, format_: str, resolution: float, output: str) -> None:
-    """Write one generated world of SUITE to a file.
+def export(
+    source: str, seed: int, format_: str, resolution: float, output: str, **options: Any
+) -> None:
+    """Write one generated world of SUITE, or the own world or map in FILE, to a file.
 
-    It is the held-out world with the number --seed, the same that `pm01 evaluate` drives in for
-    the suite's own task and robot. A map's image, or the map of a YAML world with a grid, goes
-    beside it.
+    Of a SUITE it is the held-out world with the number --seed, the same that `pm01 evaluate`
+    drives in for the suite's own task and robot. A map's image, or the map of a YAML world with a
+    grid, goes beside it.
 
     \b
       pm01 worlds export static --seed 1 --format sdf -o static_1.sdf
+      pm01 worlds export office.yaml --format sdf -o office.sdf
     """
     from pm01_nav.errors import InputError
     from pm01_nav.task.tasks import TASKS, task_config
@@ -37,14 +45,15 @@ def export(suite: str, seed: int, format_: str, resolution: float, output: str) 
     from pm01_nav.worlds.pool import generate_pool
     from pm01_nav.worlds.suites import SUITES
 
-    if suite not in SUITES:
-        raise InputError(f"suite = {suite!r}: unknown; allowed: {', '.join(sorted(SUITES))}")
+    if is_file(source, tuple(sorted(SUITES)), options):
+        export_file(own_task(source, **options), output, format_, resolution)
+        return
     if not 0 <= seed < SEEDS_PER_RUN:
         raise InputError(f"seed = {seed}: must be 0 to {SEEDS_PER_RUN - 1}")
     # A draw that the robot cannot cross is drawn again, so the robot has a say in the world.
-    config = task_config(suite if suite in TASKS else "static")
+    config = task_config(source if source in TASKS else "static")
     radius = config.robot_spec().footprint.circumscribed_radius + config.margin
     world_seed = world_seeds("held_out", seed + 1, 0)[seed]
-    (world,) = generate_pool(SUITES[suite], [world_seed], radius).worlds
+    (world,) = generate_pool(SUITES[source], [world_seed], radius).worlds
     write_world(world, output, format_, resolution=resolution)
     click.echo(f"wrote {output}")

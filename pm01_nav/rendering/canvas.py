@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFilter, ImageFont
+from PIL import Image, ImageChops, ImageDraw, ImageFilter, ImageFont
 
 from pm01_nav.geometry import rectangle, to_world
 from pm01_nav.rendering.scene import (
@@ -21,9 +21,11 @@ from pm01_nav.rendering.scene import (
     fit,
     layout_unit,
     picture_size,
+    shown_area,
 )
 from pm01_nav.robot import RobotSpec
-from pm01_nav.worlds.world import OccupancyGrid, World
+from pm01_nav.worlds.grid import OccupancyGrid, coarsened
+from pm01_nav.worlds.world import World
 
 Array = NDArray[np.floating]
 Color = tuple[int, int, int]
@@ -105,8 +107,9 @@ class Canvas:
 
     def __init__(self, world: World, robot: RobotSpec, size: Size | None = None) -> None:
         """Draw the world; ``size`` is (width, height) [px], by default one that the world fills."""
-        self.size = size or picture_size(world.bounds)
-        self.view = fit(world.bounds, self.size)
+        area = shown_area(world)
+        self.size = size or picture_size(area)
+        self.view = fit(area, self.size)
         self._robot = robot
         self._unit = layout_unit(self.size)
         self._font = ImageFont.load_default(max(9.0, 15 * self._unit))
@@ -136,13 +139,19 @@ def draw_world(world: World, view: View, size: Size) -> Image.Image:
     """Draw what stands still, ``SUPERSAMPLING`` times as large as the picture."""
     view, unit = view.magnified(SUPERSAMPLING), layout_unit(size) * SUPERSAMPLING
     picture = Image.new("RGB", (size[0] * SUPERSAMPLING, size[1] * SUPERSAMPLING), PAGE)
-    _draw_floor(_Brush(ImageDraw.Draw(picture), view, unit), world.bounds)
+    _draw_floor(_Brush(ImageDraw.Draw(picture), view, unit), _floor(world))
     shadow = Image.new("L", picture.size, 0)
     _draw_obstacles(shadow, view, unit, world, (SHADOW_ALPHA, SHADOW_ALPHA, SHADOW_ALPHA))
     shadow = shadow.filter(ImageFilter.GaussianBlur(2.5 * unit))
     picture.paste(SHADOW, (0, round(1.5 * unit)), shadow)
     _draw_obstacles(picture, view, unit, world, (OBSTACLE, OBSTACLE_EDGE, WALL))
     return picture
+
+
+def _floor(world: World) -> tuple[float, float, float, float]:
+    """Return the part of the bounds that is shown."""
+    (left, low, right, high), (x_min, y_min, x_max, y_max) = shown_area(world), world.bounds
+    return max(left, x_min), max(low, y_min), min(right, x_max), min(high, y_max)
 
 
 def _draw_floor(brush: _Brush, bounds: tuple[float, float, float, float]) -> None:
@@ -166,7 +175,7 @@ def _draw_obstacles(
     fill, edge, wall = colors
     brush = _Brush(ImageDraw.Draw(picture), view, unit)
     if world.grid is not None:
-        picture.paste(edge, mask=_grid_mask(world.grid, view, picture.size))
+        picture.paste(edge, mask=_grid_mask(world, world.grid, view, picture.size))
     for polygon in world.polygons:
         brush.draw.polygon(brush.pixels(polygon), fill, edge, brush.width(1.5))
     for x, y, radius in world.discs:
@@ -178,14 +187,39 @@ def _draw_obstacles(
             brush.disc(end, 1.5 * unit, wall)
 
 
-def _grid_mask(grid: OccupancyGrid, view: View, size: Size) -> Image.Image:
-    """Return 255 where a cell is solid, as an 8-bit picture of (width, height) [px]."""
-    cells = Image.fromarray((grid.occupied[::-1] != 0).astype(np.uint8) * 255)
-    top = grid.origin[1] + grid.occupied.shape[0] * grid.resolution
-    left, upper = view.pixels([grid.origin[0], top])
-    per_pixel = 1.0 / (grid.resolution * view.scale)
-    matrix = (per_pixel, 0.0, -left * per_pixel, 0.0, per_pixel, -upper * per_pixel)
-    return cells.transform(size, Image.Transform.AFFINE, matrix, Image.Resampling.NEAREST)
+def _grid_mask(world: World, grid: OccupancyGrid, view: View, size: Size) -> Image.Image:
+    """Return 255 where a cell is solid, as an 8-bit picture of (width, height) [px].
+
+    Of a closed grid all around is solid, too, as far as the picture shows anything.
+    """
+    # Of cells smaller than a pixel none is lost: the pixel is solid if one of them is.
+    factor = max(int(1.0 / (grid.resolution * view.scale)), 1)
+    cells = coarsened(grid.occupied[::-1] != 0, factor)
+    matrix = _to_image(grid, view, factor)
+    picture, where = (
+        Image.fromarray(values.astype(np.uint8) * 255).transform(
+            size, Image.Transform.AFFINE, matrix, Image.Resampling.NEAREST
+        )
+        for values in (cells, np.ones_like(cells))
+    )
+    if not grid.closed:
+        return picture
+    x_min, y_min, x_max, y_max = shown_area(world)
+    left, top, right, bottom = view.pixels([[x_min, y_max], [x_max, y_min]]).ravel().tolist()
+    shown = Image.new("L", size)
+    ImageDraw.Draw(shown).rectangle((left, top, right, bottom), 255)
+    mask = Image.new("L", size, 255)
+    mask.paste(picture, mask=where)
+    return ImageChops.darker(mask, shown)
+
+
+def _to_image(grid: OccupancyGrid, view: View, factor: int) -> tuple[float, ...]:
+    """Return what maps pixels to an image of a grid's blocks, as ``Image.transform`` takes it."""
+    x, y = view.pixels(grid.origin)
+    scale = 1.0 / (grid.resolution * view.scale * factor)
+    cos, sin = (scale * value for value in grid.direction)
+    top = grid.occupied.shape[0] / factor
+    return cos, -sin, sin * y - cos * x, sin, cos, top - sin * x - cos * y
 
 
 def _draw_goal(brush: _Brush, scene: Scene) -> None:

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pm01_nav.worlds.world import World
+
 FloatArray = NDArray[np.float64]
 Bounds = tuple[float, float, float, float]
 Size = tuple[int, int]
@@ -20,6 +22,8 @@ MARGIN = 16
 """Free border around the world [units]."""
 CAPTION_HEIGHT = 32
 """The strip at the bottom that holds the caption [units]."""
+SHOWN_AROUND = 0.5
+"""So much is shown around what is free in a map [m]."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,15 @@ def fit(bounds: Bounds, size: Size) -> View:
     middle = (size[0] / 2, MARGIN * unit + height / 2)
     centre_x, centre_y = (x_min + x_max) / 2, (y_min + y_max) / 2
     return View(scale, (middle[0] - centre_x * scale, middle[1] + centre_y * scale))
+
+
+def shown_area(world: World) -> Bounds:
+    """Return what a picture of a world shows [m]: its bounds, or what is free in its map."""
+    if world.grid is None or not world.grid.closed:
+        return world.bounds
+    x_min, y_min, x_max, y_max = world.known_bounds
+    around = SHOWN_AROUND
+    return x_min - around, y_min - around, x_max + around, y_max + around
 
 
 def picture_size(bounds: Bounds, longest: int = REFERENCE_SIDE) -> Size:

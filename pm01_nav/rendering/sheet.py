@@ -22,7 +22,7 @@ from pm01_nav.rendering.canvas import (
     Color,
     draw_world,
 )
-from pm01_nav.rendering.scene import CAPTION_HEIGHT, MARGIN, View, fit, layout_unit
+from pm01_nav.rendering.scene import CAPTION_HEIGHT, MARGIN, View, fit, layout_unit, shown_area
 from pm01_nav.worlds.free_space import shortest_path
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.pool import WorldPool
@@ -96,7 +96,7 @@ def sample_episodes(
 
 def _panel_size(world: World) -> tuple[int, int]:
     """Return width and height of a panel [px] that a world like this fills."""
-    x_min, y_min, x_max, y_max = world.bounds
+    x_min, y_min, x_max, y_max = shown_area(world)
     # The layout's unit depends on the longer side, which is the height unless a world is wide.
     height = PANEL_WIDTH
     for _ in range(4):
@@ -108,18 +108,11 @@ def _panel_size(world: World) -> tuple[int, int]:
 
 def _draw_panel(world: World, size: tuple[int, int], paths: list[FloatArray]) -> Image.Image:
     """Draw one world with its movers, and paths from a dot to a ring."""
-    picture = draw_world(world, fit(world.bounds, size), size)
-    pen = _Pen(picture, fit(world.bounds, size).magnified(SUPERSAMPLING))
-    for mover in world.movers:
-        _draw_way(pen, mover)
-    for mover in world.movers:
-        _draw_mover(pen, mover)
-    for path in paths:
-        pen.line(path, ROBOT, 2)
-    for path in paths:
-        pen.disc(path[-1], 5, GOAL)
-        pen.disc(path[-1], 2.5, WHITE)
-        pen.disc(path[0], 4, ROBOT)
+    view = fit(shown_area(world), size)
+    picture = draw_world(world, view, size)
+    pen = Pen(picture, view.magnified(SUPERSAMPLING))
+    draw_movers(pen, world)
+    draw_episodes(pen, paths)
     panel = picture.reduce(SUPERSAMPLING)
     lengths = ", ".join(f"{np.linalg.norm(np.diff(p, axis=0), axis=1).sum():.1f}" for p in paths)
     font = ImageFont.load_default(11)
@@ -128,27 +121,49 @@ def _draw_panel(world: World, size: tuple[int, int], paths: list[FloatArray]) ->
     return panel
 
 
-class _Pen:
+def draw_movers(pen: Pen, world: World) -> None:
+    """Draw what moves, each with its way."""
+    for mover in world.movers:
+        _draw_way(pen, mover)
+    for mover in world.movers:
+        _draw_mover(pen, mover)
+
+
+def draw_episodes(pen: Pen, paths: list[FloatArray]) -> None:
+    """Draw paths (n, 2) [m], each from a dot to a ring."""
+    for path in paths:
+        pen.line(path, ROBOT, 2)
+    for path in paths:
+        pen.disc(path[-1], 5, GOAL)
+        pen.disc(path[-1], 2.5, WHITE)
+        pen.disc(path[0], 4, ROBOT)
+
+
+class Pen:
     """Draws on a picture in world coordinates; widths and radii are in pixels of the sheet."""
 
     def __init__(self, picture: Image.Image, view: View) -> None:
+        """Draw on ``picture``, in which ``view`` says where the world lies."""
         self.draw = ImageDraw.Draw(picture)
         self.view = view
 
     def line(self, points: FloatArray, color: Color, width: float) -> None:
+        """Draw a line through points (n, 2)."""
         pixels = self.view.pixels(points).ravel().tolist()
         self.draw.line(pixels, color, round(width * SUPERSAMPLING), joint="curve")
 
     def disc(self, centre: FloatArray, radius: float, color: Color) -> None:
+        """Fill a disc around a point (2,)."""
         x, y = self.view.pixels(centre)
         reach = radius * SUPERSAMPLING
         self.draw.ellipse((x - reach, y - reach, x + reach, y + reach), color)
 
     def polygon(self, points: FloatArray, color: Color) -> None:
+        """Fill a polygon with corners (n, 2)."""
         self.draw.polygon(self.view.pixels(points).ravel().tolist(), color)
 
 
-def _draw_way(pen: _Pen, mover: Mover) -> None:
+def _draw_way(pen: Pen, mover: Mover) -> None:
     """Draw the way round the points of a mover, which closes unless there are times."""
     points = mover.points
     if len(points) > 1:
@@ -156,7 +171,7 @@ def _draw_way(pen: _Pen, mover: Mover) -> None:
         pen.line(closed, MOVER_WAY, 1)
 
 
-def _draw_mover(pen: _Pen, mover: Mover) -> None:
+def _draw_mover(pen: Pen, mover: Mover) -> None:
     """Draw a mover where it begins, and an arrow to where it is heading first."""
     begin = mover.points[0]
     pen.disc(begin, mover.radius * pen.view.scale / SUPERSAMPLING, MOVER)

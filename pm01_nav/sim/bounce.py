@@ -11,6 +11,7 @@ import numpy as np
 
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.collision import segment
+from pm01_nav.sim.grid_frame import to_cells, turn_from_grid, turn_to_grid
 
 MAX_HITS = 8
 """In one step; in a corner too narrow for more the disc rests until the next."""
@@ -106,21 +107,26 @@ def hit_segment(dx, dy, ex, ey, ux, uy, r, hit):
 @compiled(inline=False)
 def hit_grid(x, y, ux, uy, r, worlds, w, hit):
     """Return the earlier of ``hit`` and where a disc touches a solid cell."""
-    offset = worlds.grid_begin[w]
-    x_min, y_min, size = worlds.grid_frame[w, 0], worlds.grid_frame[w, 1], worlds.grid_frame[w, 2]
+    offset, size = worlds.grid_begin[w], worlds.grid_frame[w, 2]
     width, height = int(worlds.grid_frame[w, 3]), int(worlds.grid_frame[w, 4])
-    px, py, reach = (x - x_min) / size, (y - y_min) / size, (r + hit[0]) / size
+    px, py = to_cells(x, y, worlds, w)
+    reach = (r + hit[0]) / size
     column = min(max(int(np.floor(px)), 0), width - 1)
     row = min(max(int(np.floor(py)), 0), height - 1)
     # From centre to centre; each end may be half a diagonal nearer.
     if worlds.grid_distance[offset + row * width + column] - np.sqrt(2.0) > reach:
         return hit
+    ux, uy = turn_to_grid(ux, uy, worlds, w)
+    found = (hit[0], 0.0, 0.0)
     for j in range(max(int(np.floor(py - reach)), 0), min(int(py + reach) + 1, height)):
         for k in range(max(int(np.floor(px - reach)), 0), min(int(px + reach) + 1, width)):
             if worlds.grid_cells[offset + j * width + k] != 0:
-                left, low = x - x_min - k * size, y - y_min - j * size
-                hit = hit_segment(left, low, size, 0.0, ux, uy, r, hit)
-                hit = hit_segment(left, low, 0.0, size, ux, uy, r, hit)
-                hit = hit_segment(left - size, low - size, -size, 0.0, ux, uy, r, hit)
-                hit = hit_segment(left - size, low - size, 0.0, -size, ux, uy, r, hit)
-    return hit
+                left, low = (px - k) * size, (py - j) * size
+                found = hit_segment(left, low, size, 0.0, ux, uy, r, found)
+                found = hit_segment(left, low, 0.0, size, ux, uy, r, found)
+                found = hit_segment(left - size, low - size, -size, 0.0, ux, uy, r, found)
+                found = hit_segment(left - size, low - size, 0.0, -size, ux, uy, r, found)
+    if found[0] >= hit[0]:
+        return hit
+    nx, ny = turn_from_grid(found[1], found[2], worlds, w)
+    return found[0], nx, ny

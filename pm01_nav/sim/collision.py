@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from pm01_nav.compilation import compiled
+from pm01_nav.sim.grid_frame import to_cells, turn_to_grid
 from pm01_nav.sim.views import listed, view_cell
 from pm01_nav.worlds.segments import point_to_segment
 
@@ -161,20 +162,21 @@ def polar(dx, dy, cos, sin):
 @compiled(inline=False)
 def grid_clearance(x, y, cos, sin, base, worlds, w):
     """Return the distance from the footprint to the nearest solid cell [m]."""
-    offset = worlds.grid_begin[w]
-    x_min, y_min, size = worlds.grid_frame[w, 0], worlds.grid_frame[w, 1], worlds.grid_frame[w, 2]
+    offset, size = worlds.grid_begin[w], worlds.grid_frame[w, 2]
     width, height = int(worlds.grid_frame[w, 3]), int(worlds.grid_frame[w, 4])
-    column = min(max(int(np.floor((x - x_min) / size)), 0), width - 1)
-    row = min(max(int(np.floor((y - y_min) / size)), 0), height - 1)
+    px, py = to_cells(x, y, worlds, w)
+    column = min(max(int(np.floor(px)), 0), width - 1)
+    row = min(max(int(np.floor(py)), 0), height - 1)
     far = (worlds.grid_distance[offset + row * width + column] - 1.5) * size - base.radius
     if far > GRID_EXACT_DISTANCE:
         return far
     best = GRID_EXACT_DISTANCE
+    cos, sin = turn_to_grid(cos, sin, worlds, w)
     reach = int(np.ceil((base.radius + GRID_EXACT_DISTANCE) / size)) + 1
     for r in range(max(row - reach, 0), min(row + reach + 1, height)):
         for c in range(max(column - reach, 0), min(column + reach + 1, width)):
             if worlds.grid_cells[offset + r * width + c] != 0:
-                left, low = x_min + c * size - x, y_min + r * size - y
+                left, low = (c - px) * size, (r - py) * size
                 best = min(best, cell_clearance(left, low, size, cos, sin, base, best))
     return best
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.collision import segment, to_base
+from pm01_nav.sim.grid_frame import to_cells, turn_to_grid
 from pm01_nav.sim.random import GOLDEN, ONE, mix
 from pm01_nav.sim.state import BLOCK
 from pm01_nav.sim.views import listed, view_cell
@@ -212,10 +213,10 @@ def ray_to_grid(x, y, ux, uy, limit, worlds, w):
     Walks from cell border to cell border (Amanatides and Woo 1987), and leaps where the
     distance transform says that nothing is near.
     """
-    offset = worlds.grid_begin[w]
-    x_min, y_min, size = worlds.grid_frame[w, 0], worlds.grid_frame[w, 1], worlds.grid_frame[w, 2]
+    offset, size = worlds.grid_begin[w], worlds.grid_frame[w, 2]
     width, height = int(worlds.grid_frame[w, 3]), int(worlds.grid_frame[w, 4])
-    px, py = (x - x_min) / size, (y - y_min) / size
+    px, py = to_cells(x, y, worlds, w)
+    ux, uy = turn_to_grid(ux, uy, worlds, w)
     end = limit / size
     distance = _enter_grid(px, py, ux, uy, float(width), float(height))
     column = min(max(int(np.floor(px + distance * ux)), 0), width - 1)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from pm01_nav.compilation import compiled
+from pm01_nav.sim.grid_frame import to_cells
 from pm01_nav.sim.random import GOLDEN, ONE, SHIFT_11, UNIT, mix, uniform
 from pm01_nav.sim.state import LidarParams
 
@@ -49,8 +50,9 @@ def is_dark(errors, drawn, i, number):
 @compiled
 def patch_number(x, y, worlds, w):
     """Return the number of the patch of world w's grid in which a point lies."""
-    column = int(np.floor((x - worlds.grid_frame[w, 0]) / PATCH))
-    row = int(np.floor((y - worlds.grid_frame[w, 1]) / PATCH))
+    columns, rows = to_cells(x, y, worlds, w)
+    column = int(np.floor(columns * worlds.grid_frame[w, 2] / PATCH))
+    row = int(np.floor(rows * worlds.grid_frame[w, 2] / PATCH))
     return PATCH_NUMBERS + (row << 20) + column
 
 

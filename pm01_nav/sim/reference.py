@@ -31,8 +31,10 @@ def reference_scan(world: World, robot: RobotSpec, pose: ArrayLike) -> FloatArra
     for segment in world.all_segments:
         ranges = np.minimum(ranges, _rays_to_segment(origin, directions, segment))
     if world.grid is not None:
-        for box in _solid_boxes(world.grid):
-            ranges = np.minimum(ranges, _rays_to_box(origin, directions, box))
+        # Everything is seen in the grid's frame: there its cells are not turned.
+        start, turned = to_frame(world.grid, origin), directions @ _rotation(world.grid.yaw)
+        for box in solid_boxes(world.grid):
+            ranges = np.minimum(ranges, _rays_to_box(start, turned, box))
     ranges[ranges > lidar.range_max] = np.inf
     ranges[ranges < lidar.range_min] = -np.inf
     return ranges
@@ -100,9 +102,9 @@ def _clearance_of_circle(world: World, centre: FloatArray, radius: float) -> flo
     distances = [float(np.linalg.norm(disc[:2] - centre) - disc[2]) for disc in world.discs]
     distances += [_point_to_segment(centre, s[:2], s[2:]) for s in world.all_segments]
     if world.grid is not None:
-        for box in _solid_boxes(world.grid):
-            nearest = np.clip(centre, box[:2], box[2:])
-            distances.append(float(np.linalg.norm(nearest - centre)))
+        place = to_frame(world.grid, centre)
+        for box in solid_boxes(world.grid):
+            distances.append(float(np.linalg.norm(np.clip(place, box[:2], box[2:]) - place)))
     return min(distances, default=np.inf) - radius
 
 
@@ -110,7 +112,8 @@ def _clearance_of_polygon(world: World, corners: FloatArray) -> float:
     distances = [_point_to_polygon(disc[:2], corners) - disc[2] for disc in world.discs]
     distances += [_between_convex(corners, s.reshape(2, 2)) for s in world.all_segments]
     if world.grid is not None:
-        for box in _solid_boxes(world.grid):
+        corners = to_frame(world.grid, corners)
+        for box in solid_boxes(world.grid):
             x_min, y_min, x_max, y_max = box
             square = np.array([[x_min, y_min], [x_max, y_min], [x_max, y_max], [x_min, y_max]])
             distances.append(_between_convex(corners, square))
@@ -208,9 +211,27 @@ def _rotation(angle: float) -> FloatArray:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def _solid_boxes(grid: OccupancyGrid) -> FloatArray:
-    """Return the solid cells as x_min, y_min, x_max, y_max, shape (n, 4) [m]."""
+def solid_boxes(grid: OccupancyGrid) -> FloatArray:
+    """Return the solid cells as x_min, y_min, x_max, y_max in the grid's frame, (n, 4) [m].
+
+    Four more stand for all outside of a closed grid, each a kilometre wide.
+    """
     rows, columns = np.nonzero(grid.occupied)
-    left, low = grid.origin[0] + columns * grid.resolution, grid.origin[1] + rows * grid.resolution
-    right, high = left + grid.resolution, low + grid.resolution
-    return np.stack([left, low, right, high], axis=-1).astype(np.float64)
+    height, width = np.array(grid.occupied.shape) * grid.resolution
+    low = np.stack([columns, rows], axis=-1).astype(np.float64) * grid.resolution
+    boxes = np.hstack([low, low + grid.resolution])
+    if not grid.closed:
+        return boxes
+    far = 1000.0
+    outside = [
+        [-far, -far, 0.0, height + far],
+        [width, -far, width + far, height + far],
+        [-far, -far, width + far, 0.0],
+        [-far, height, width + far, height + far],
+    ]
+    return np.vstack([boxes, outside])
+
+
+def to_frame(grid: OccupancyGrid, points: FloatArray) -> FloatArray:
+    """Return points of the world (..., 2) in the grid's frame [m]."""
+    return (points - np.array(grid.origin)) @ _rotation(grid.yaw)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
-from pm01_nav.sim.reference import _solid_boxes
+from pm01_nav.sim.reference import solid_boxes, to_frame
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -35,7 +35,9 @@ def nearest_points(world: World, centre: FloatArray) -> list[FloatArray]:
         part = np.clip((centre - start) @ extent / max(extent @ extent, 1e-18), 0.0, 1.0)
         points.append(start + part * extent)
     if world.grid is not None:
-        points += [np.clip(centre, box[:2], box[2:]) for box in _solid_boxes(world.grid)]
+        grid, place = world.grid, to_frame(world.grid, centre)
+        in_frame = [np.clip(place, box[:2], box[2:]) for box in solid_boxes(grid)]
+        points += [grid.to_world(point / grid.resolution) for point in in_frame]
     return points
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.collision import segment
+from pm01_nav.sim.grid_frame import to_cells, turn_from_grid
 
 MAX_WALLS = 16
 """The nearest so many discs, walls and groups of cells are looked at."""
@@ -68,7 +69,7 @@ def find_cells(x, y, r, far, worlds, w, walls, row, count):
     last row of ``walls`` is overwritten.
     """
     offset, size = worlds.grid_begin[w], worlds.grid_frame[w, 2]
-    px, py = (x - worlds.grid_frame[w, 0]) / size, (y - worlds.grid_frame[w, 1]) / size
+    px, py = to_cells(x, y, worlds, w)
     width, height = int(worlds.grid_frame[w, 3]), int(worlds.grid_frame[w, 4])
     far /= size
     column = min(max(int(np.floor(px)), 0), width - 1)
@@ -91,8 +92,8 @@ def find_cells(x, y, r, far, worlds, w, walls, row, count):
                     walls[spare, side, 2] = squared
     for side in range(8):
         if walls[spare, side, 2] < far * far:
-            dx, dy = walls[spare, side, 0] * size, walls[spare, side, 1] * size
-            count = add_wall(walls, row, count, dx, dy, r)
+            dx, dy = turn_from_grid(walls[spare, side, 0], walls[spare, side, 1], worlds, w)
+            count = add_wall(walls, row, count, dx * size, dy * size, r)
     return count
 
 

@@ -59,6 +59,8 @@ class TaskConfig(FrozenModel):
     """Folders with the models that an SDF world includes, searched before the usual ones."""
     partial: bool = False
     """Drive in what could be read of an SDF world, even if most of it could not."""
+    region: tuple[float, float, float, float] | None = None
+    """Where in the world of ``map`` to drive: x_min, y_min, x_max, y_max [m]; None is anywhere."""
     worlds: str | None = None
     """The folder of the BARN dataset, or the file of the DynaBARN worlds, for those suites."""
     num_worlds: Annotated[int, Field(ge=1, le=65536)] = 1024
@@ -102,6 +104,10 @@ class TaskConfig(FrozenModel):
         low, high = self.goal_distance
         if high is not None and high <= low:
             raise ValueError("goal_distance: the greatest must exceed the least")
+        if self.region is not None and self.suite != "map":
+            raise ValueError(
+                f"region: is for own worlds (task map), not for the suite {self.suite}"
+            )
         if self.randomization and self.randomization.footprint_padding[1] > self.margin:
             raise ValueError(
                 f"randomization.footprint_padding: must not exceed margin ({self.margin:g}), or "

@@ -12,7 +12,10 @@ from pm01_nav.worlds.dynabarn import read_dynabarn
 from pm01_nav.worlds.files import read_world
 from pm01_nav.worlds.pool import WorldPool, build_pool
 from pm01_nav.worlds.pool_cache import suite_pool
+from pm01_nav.worlds.reading import Reading, tell
+from pm01_nav.worlds.region import drive_within, starts_outside
 from pm01_nav.worlds.suites import SUITES
+from pm01_nav.worlds.world import World
 
 Split = Literal["train", "held_out"]
 FILE_SUITES = ("map", "barn", "dynabarn")
@@ -32,12 +35,8 @@ def world_pool(
     Raises:
         InputError: the suite is unknown, its files are unusable, or no way leads to a goal.
     """
-    radius = config.robot_spec().footprint.circumscribed_radius + config.margin
     if config.suite == "map":
-        world = read_world(
-            _required(config.map, "map"), model_folders=config.models, partial=config.partial
-        )
-        return build_pool([world], radius)
+        return own_world_pool(config)
     if config.suite == "barn":
         inscribed = config.robot_spec().footprint.inscribed_radius
         return build_pool(load_barn(_required(config.worlds, "worlds")).worlds, inscribed)
@@ -49,8 +48,45 @@ def world_pool(
     if config.suite not in SUITES:
         allowed = ", ".join(sorted([*SUITES, *FILE_SUITES]))
         raise InputError(f"suite = {config.suite!r}: unknown; allowed: {allowed}")
+    radius = _radius(config)
     seeds = world_seeds(split, first + count, seed)[first:]
     return suite_pool(config.suite, seeds, radius, config.suite_params)
+
+
+def own_world_pool(config: TaskConfig) -> WorldPool:
+    """Read the world of ``config.map``; warn if episodes start outside of what walls enclose.
+
+    Raises:
+        InputError: the file is unusable, or no way leads to a goal.
+    """
+    world = _whole_world(config)
+    pool = build_pool([_part(world, config)], _radius(config))
+    if (warning := starts_outside(world, pool.arrays.starts)) is not None:
+        tell(Reading(world, (warning,)))
+    return pool
+
+
+def own_world(config: TaskConfig) -> World:
+    """Read the world of ``config.map``, with ``config.region`` as its bounds if there is one.
+
+    Raises:
+        InputError: the file or the region is unusable.
+    """
+    return _part(_whole_world(config), config)
+
+
+def _whole_world(config: TaskConfig) -> World:
+    path = _required(config.map, "map")
+    return read_world(path, model_folders=config.models, partial=config.partial)
+
+
+def _part(world: World, config: TaskConfig) -> World:
+    return world if config.region is None else drive_within(world, config.region)
+
+
+def _radius(config: TaskConfig) -> float:
+    """Return how much room the robot and its margin need around its centre [m]."""
+    return config.robot_spec().footprint.circumscribed_radius + config.margin
 
 
 def world_seeds(split: Split, count: int, seed: int) -> range:

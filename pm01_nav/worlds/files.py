@@ -17,7 +17,7 @@ from pm01_nav.geometry import points_in_polygon
 from pm01_nav.worlds.barn_grid import read_barn_grid
 from pm01_nav.worlds.mjcf import world_to_mjcf
 from pm01_nav.worlds.reading import Reading, tell
-from pm01_nav.worlds.ros_map import read_ros_map
+from pm01_nav.worlds.ros_map import read_map
 from pm01_nav.worlds.ros_map_writer import RESOLUTION, write_ros_map
 from pm01_nav.worlds.sdf import BAND, read_sdf
 from pm01_nav.worlds.sdf_writer import world_to_sdf
@@ -76,7 +76,7 @@ def _read(path: Path, model_folders: Iterable[str | Path], sdf_options: dict[str
     if looks_like_xml(start):
         return read_sdf(path, model_folders=model_folders, **sdf_options)
     if path.suffix.lower() in (".yaml", ".yml") or _KEYS.search(start):
-        return Reading(read_ros_map(path) if "image" in load_yaml(path) else read_yaml_world(path))
+        return read_map(path) if "image" in load_yaml(path) else Reading(read_yaml_world(path))
     allowed = "a world or a ROS map in YAML, an SDF world, a BARN grid (.npy)"
     raise InputError(f"{path}: unknown kind of world; allowed: {allowed}")
 
@@ -89,12 +89,8 @@ def _obstacle_at(world: World, x: float, y: float) -> str | None:
     for index, polygon in enumerate(world.polygons):
         if points_in_polygon(np.array([[x, y]]), polygon)[0]:
             return f"polygons[{index}]"
-    if world.grid is not None:
-        column = int(np.floor((x - world.grid.origin[0]) / world.grid.resolution))
-        row = int(np.floor((y - world.grid.origin[1]) / world.grid.resolution))
-        height, width = world.grid.occupied.shape
-        if 0 <= row < height and 0 <= column < width and world.grid.occupied[row, column]:
-            return "a solid cell of the map"
+    if world.grid is not None and world.grid.is_solid(x, y):
+        return "a solid cell of the map"
     return None
 
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pm01_nav.compilation import compiled
+from pm01_nav.worlds.grid import OccupancyGrid, coarsened
 from pm01_nav.worlds.grid_search import cheapest_path, line_is_free, pull_taut
-from pm01_nav.worlds.world import OccupancyGrid, World
+from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
 MAX_CELLS = 4_000_000
@@ -48,11 +49,7 @@ class FreeSpace:
 
         A border of closed cells surrounds it.
         """
-        height, width = (-(-n // factor) for n in self.free.shape)
-        padded = np.zeros((height * factor, width * factor), dtype=np.bool_)
-        padded[: self.free.shape[0], : self.free.shape[1]] = self.free
-        free = padded.reshape(height, factor, width, factor).any(axis=(1, 3))
-        size = factor * self.resolution
+        size, free = factor * self.resolution, coarsened(self.free, factor)
         return FreeSpace(np.pad(free, 1), size, (self.origin[0] - size, self.origin[1] - size))
 
     def nearest_free(self, x: float, y: float, within: float) -> tuple[int, int] | None:
@@ -101,11 +98,14 @@ class FreeSpace:
 
 def free_space(world: World, radius: float, resolution: float = 0.1) -> FreeSpace:
     """Rasterise a world for a disc of ``radius`` [m] on cells of ``resolution`` [m]."""
-    x_min, y_min, x_max, y_max = world.bounds
-    area = (x_max - x_min) * (y_max - y_min)
-    resolution = max(resolution, float(np.sqrt(area / MAX_CELLS)))
-    width = int(np.ceil((x_max - x_min) / resolution - 1e-9))
-    height = int(np.ceil((y_max - y_min) / resolution - 1e-9))
+    known = np.array(world.known_bounds)
+    resolution = max(resolution, float(np.sqrt(np.prod(known[2:] - known[:2]) / MAX_CELLS)))
+    # The lines are those of the whole bounds, so that cropping changes no place.
+    corner = np.array(world.bounds[:2])
+    first = np.floor((known[:2] - corner) / resolution + 1e-9)
+    last = np.ceil((known[2:] - corner) / resolution - 1e-9)
+    width, height = (int(cells) for cells in last - first)
+    x_min, y_min = (float(value) for value in corner + first * resolution)
     space = FreeSpace(np.ones((height, width), dtype=np.bool_), resolution, (x_min, y_min))
     _clear_discs(space.free, world.discs, x_min, y_min, resolution, radius)
     _clear_segments(space.free, world.all_segments, x_min, y_min, resolution, radius)
@@ -182,28 +182,38 @@ def _clear_inside(free, vertices, x_min, y_min, resolution):
 
 
 def _clear_grid(space: FreeSpace, grid: OccupancyGrid, radius: float) -> None:
+    closed, grid = grid.closed, grid.known
     distance = distance_to_occupied(grid)
-    frame = (grid.origin[0], grid.origin[1], grid.resolution)
-    _clear_cells(space.free, grid.occupied, distance, frame, space.origin, space.resolution, radius)
+    frame = (*grid.origin, grid.resolution, *grid.direction, closed)
+    raster = (*space.origin, space.resolution)
+    _clear_cells(space.free, grid.occupied, distance, frame, raster, radius)
 
 
 @compiled
-def _clear_cells(free, occupied, distance, frame, origin, resolution, radius):
+def _clear_cells(free, occupied, distance, frame, raster, radius):
     """Block the raster's cells whose centre is nearer than ``radius`` to a solid cell.
 
     The distance transform settles all but those near the limit, which are measured.
     """
-    x_min, y_min, size = frame
+    x_min, y_min, size, cos, sin, closed = frame
     height, width = occupied.shape
     reach = int(np.ceil(radius / size)) + 1
     for row in range(free.shape[0]):
         for column in range(free.shape[1]):
-            x = (origin[0] + (column + 0.5) * resolution - x_min) / size
-            y = (origin[1] + (row + 0.5) * resolution - y_min) / size
+            right = raster[0] + (column + 0.5) * raster[2] - x_min
+            up = raster[1] + (row + 0.5) * raster[2] - y_min
+            x, y = (cos * right + sin * up) / size, (cos * up - sin * right) / size
+            inside = 0.0 <= x <= width and 0.0 <= y <= height
+            if closed and not inside:
+                free[row, column] = False
+                continue
             c = min(max(int(np.floor(x)), 0), width - 1)
             r = min(max(int(np.floor(y)), 0), height - 1)
             # Centre to centre; each end may be half a diagonal nearer.
             if (distance[r, c] - np.sqrt(2.0)) * size >= radius:
+                continue
+            if inside and (distance[r, c] + np.sqrt(0.5)) * size < radius:
+                free[row, column] = False
                 continue
             for k in range(max(r - reach, 0), min(r + reach + 1, height)):
                 for j in range(max(c - reach, 0), min(c + reach + 1, width)):

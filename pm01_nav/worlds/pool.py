@@ -23,6 +23,8 @@ PLACES_PER_WORLD = 1024
 """Starts, and goals, kept of a generated world; the same however many worlds there are."""
 MAX_PLACES = 1 << 20
 """Starts, and goals, kept of all worlds from files together."""
+MAX_SPACES = 512
+"""Rasters of worlds kept at most; of generated worlds each one serves for one episode."""
 MAX_ATTEMPTS = 100
 WAY_RESOLUTION, MAX_WAY_RESOLUTION = 0.2, 0.4
 """Side of a cell of the raster for path distances [m]: usual, and greatest."""
@@ -44,7 +46,10 @@ class WorldArrays(NamedTuple):
     """Distance to the nearest solid cell's centre [cells], shape (n,)."""
     grid_begin: IntArray
     grid_frame: FloatArray
-    """origin x, y [m], resolution [m], width, height [cells], shape (num_worlds, 5)."""
+    """origin x, y [m], resolution [m], width, height [cells], cosine and sine of the yaw.
+
+    Shape (num_worlds, 7).
+    """
     starts: FloatArray
     """x, y [m], shape (n, 2)."""
     start_begin: IntArray
@@ -57,7 +62,7 @@ class WorldArrays(NamedTuple):
     """1 = the robot fits and a start reaches it, row by row with a closed border, shape (n,)."""
     way_begin: IntArray
     way_frame: FloatArray
-    """Like ``grid_frame``; a world too large for cells of 0.4 m has none."""
+    """Like ``grid_frame`` less the yaw; a world too large for cells of 0.4 m has none."""
     jitter: FloatArray
     """Half the side of the square around a start, and a goal, to draw from [m], (num_worlds, 2)."""
     cumulative_weight: FloatArray
@@ -106,6 +111,7 @@ class WorldPool:
     radius: float
     """Starts, goals and the way between them are free for a disc of this radius [m]."""
     _seen: dict[float, Views] = field(default_factory=dict, repr=False, compare=False)
+    _spaces: dict[int, FreeSpace] = field(default_factory=dict, repr=False, compare=False)
 
     def __len__(self) -> int:
         """Return the number of worlds."""
@@ -122,7 +128,11 @@ class WorldPool:
 
     def free_space(self, index: int) -> FreeSpace:
         """Return the raster of one world on which its places were chosen."""
-        return free_space(self.worlds[index], self.radius)
+        if index not in self._spaces:
+            if len(self._spaces) == MAX_SPACES:
+                self._spaces.pop(next(iter(self._spaces)))
+            self._spaces[index] = free_space(self.worlds[index], self.radius)
+        return self._spaces[index]
 
     def set_weights(self, weights: FloatArray) -> None:
         """Draw worlds in proportion to ``weights`` (num_worlds,) from the next reset on.
@@ -327,13 +337,16 @@ NO_CELLS = np.zeros(0, dtype=np.uint8)
 
 
 def _pack_grids(grids: Sequence[OccupancyGrid | None]) -> dict[str, NDArray]:
-    cells, begin = _stack([g.occupied.ravel() if g else NO_CELLS for g in grids])
-    distances = [distance_to_occupied(g).ravel() if g else NO_CELLS for g in grids]
+    known = [grid.known if grid else None for grid in grids]
+    cells, begin = _stack([g.occupied.ravel() if g else NO_CELLS for g in known])
+    distances = [distance_to_occupied(g).ravel() if g else NO_CELLS for g in known]
+    frames = _frames([(g.origin, g.resolution, g.occupied) if g else None for g in known])
+    directions = [g.direction if g else (1.0, 0.0) for g in known]
     return {
         "grid_cells": cells,
         "grid_distance": np.concatenate(distances).astype(np.float32),
         "grid_begin": begin,
-        "grid_frame": _frames([(g.origin, g.resolution, g.occupied) if g else None for g in grids]),
+        "grid_frame": np.concatenate([frames, np.reshape(directions, (-1, 2))], axis=1),
     }
 
 

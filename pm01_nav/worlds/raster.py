@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pm01_nav.compilation import compiled
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import polygon_edges
-from pm01_nav.worlds.world import MAX_CELLS, OccupancyGrid, World
+from pm01_nav.worlds.grid import MAX_CELLS, OccupancyGrid
+from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
 CellArray = NDArray[np.uint8]
@@ -25,7 +26,8 @@ def rasterise(world: World, resolution: float) -> OccupancyGrid:
 
     The grid covers the bounds and all obstacles. Its lines lie half a cell beside the bounds, so
     that a wall on the bounds takes one row of cells, not two; those of a world with a grid of the
-    same resolution lie on that grid's lines, whose cells are then copied as they are.
+    same resolution lie on that grid's lines, whose cells are then copied as they are, unless the
+    grid is turned.
 
     Raises:
         InputError: the resolution is not positive, or would give too many cells.
@@ -35,26 +37,22 @@ def rasterise(world: World, resolution: float) -> OccupancyGrid:
     origin = _origin(world, resolution)
     width, height = _size(world, origin, resolution)
     solid = np.zeros((height, width), dtype=np.uint8)
+    if world.grid is not None:
+        _fill_grid(solid, world.grid, origin, resolution)
     _fill_discs(solid, _in_cells(world.discs, origin, resolution))
     _fill_segments(solid, _in_cells(world.all_segments, origin, resolution))
     for polygon in world.polygons:
         edges = polygon_edges(_in_cells(polygon, origin, resolution))
         _fill_inside(solid, np.ascontiguousarray(edges))
-    if world.grid is not None:
-        frame = np.array([*world.grid.origin, world.grid.resolution])
-        frame = np.append(_in_cells(frame[:2][None], origin, resolution)[0], frame[2] / resolution)
-        _fill_cells(solid, world.grid.occupied, frame)
-    return OccupancyGrid(solid, resolution, (float(origin[0]), float(origin[1])))
+    closed = world.grid is not None and world.grid.closed
+    return OccupancyGrid(solid, resolution, (float(origin[0]), float(origin[1])), closed=closed)
 
 
 def _areas(world: World) -> FloatArray:
     """Return x_min, y_min, x_max, y_max of the bounds and the grid, shape (1 or 2, 4) [m]."""
     areas = [world.bounds]
     if world.grid is not None:
-        x, y = world.grid.origin
-        height, width = world.grid.occupied.shape
-        size = world.grid.resolution
-        areas.append((x, y, x + width * size, y + height * size))
+        areas.append(world.grid.extent())
     return np.array(areas)
 
 
@@ -68,7 +66,7 @@ def _reaches(world: World) -> FloatArray:
 def _origin(world: World, resolution: float) -> FloatArray:
     low = np.concatenate([_areas(world), _reaches(world)])[:, :2].min(axis=0)
     grid = world.grid
-    if grid is None or grid.resolution != resolution:
+    if grid is None or grid.resolution != resolution or grid.yaw != 0.0:
         return low - resolution / 2.0
     cells = np.ceil((np.array(grid.origin) - low) / resolution - SLACK)
     return np.array(grid.origin) - cells * resolution
@@ -153,21 +151,57 @@ def _fill_inside(solid: CellArray, edges: FloatArray) -> None:
                 solid[row, column] = 1
 
 
+def _fill_grid(
+    solid: CellArray, grid: OccupancyGrid, origin: FloatArray, resolution: float
+) -> None:
+    """Fill what a grid's solid cells overlap, and what is not wholly inside a closed grid."""
+    corner = _in_cells(np.array([grid.origin]), origin, resolution)[0]
+    frame = (corner[0], corner[1], grid.resolution / resolution, *grid.direction)
+    if grid.closed:
+        _fill_outside(solid, grid.occupied.shape, frame)
+    _fill_cells(solid, grid.occupied, frame)
+
+
 @compiled
-def _fill_cells(solid: CellArray, cells: CellArray, frame: FloatArray) -> None:
-    """Fill what another grid's solid cells overlap; ``frame`` is its origin and cell, in cells."""
-    height, width = solid.shape
-    x, y, size = frame
+def _fill_outside(
+    solid: CellArray, shape: tuple[int, int], frame: tuple[float, float, float, float, float]
+) -> None:
+    """Fill the cells that reach beyond another grid; ``frame`` is that of ``_fill_cells``."""
+    x, y, size, cos, sin = frame
+    reach = 0.5 * (abs(cos) + abs(sin)) - SLACK
+    for row in range(solid.shape[0]):
+        for column in range(solid.shape[1]):
+            right, up = column + 0.5 - x, row + 0.5 - y
+            along, across = cos * right + sin * up, cos * up - sin * right
+            beyond = along < reach or along > shape[1] * size - reach
+            if beyond or across < reach or across > shape[0] * size - reach:
+                solid[row, column] = 1
+
+
+@compiled
+def _fill_cells(
+    solid: CellArray, cells: CellArray, frame: tuple[float, float, float, float, float]
+) -> None:
+    """Fill what another grid's solid cells overlap.
+
+    ``frame`` is its origin and the side of its cells, in cells, and cosine and sine of its yaw.
+    """
+    x, y, size, cos, sin = frame
     # Narrowed, not widened: a cell that only touches another does not fill it.
-    slack = SLACK * min(size, 1.0)
+    half = 0.5 * size - SLACK * min(size, 1.0)
+    around, within = half * (abs(cos) + abs(sin)), half + 0.5 * (abs(cos) + abs(sin))
     for r in range(cells.shape[0]):
-        low = max(0, int(np.floor(y + r * size + slack)))
-        high = min(height - 1, int(np.floor(y + (r + 1) * size - slack)))
         for c in range(cells.shape[1]):
             if cells[r, c] == 0:
                 continue
-            left = max(0, int(np.floor(x + c * size + slack)))
-            right = min(width - 1, int(np.floor(x + (c + 1) * size - slack)))
-            for row in range(low, high + 1):
-                for column in range(left, right + 1):
-                    solid[row, column] = 1
+            along, across = (c + 0.5) * size, (r + 0.5) * size
+            middle_x = x + cos * along - sin * across
+            middle_y = y + sin * along + cos * across
+            low, high = int(np.floor(middle_y - around)), int(np.floor(middle_y + around))
+            left, right = int(np.floor(middle_x - around)), int(np.floor(middle_x + around))
+            for row in range(max(0, low), min(solid.shape[0] - 1, high) + 1):
+                for column in range(max(0, left), min(solid.shape[1] - 1, right) + 1):
+                    # Two squares are apart if a line along a side of one of them parts them.
+                    dx, dy = column + 0.5 - middle_x, row + 0.5 - middle_y
+                    if abs(cos * dx + sin * dy) < within and abs(cos * dy - sin * dx) < within:
+                        solid[row, column] = 1

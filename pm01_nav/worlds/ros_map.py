@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import warnings
 import zlib
@@ -17,7 +18,9 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 from pm01_nav.config import FrozenModel, validate
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.world import OccupancyGrid, World
+from pm01_nav.worlds.grid import OccupancyGrid
+from pm01_nav.worlds.reading import Reading
+from pm01_nav.worlds.world import World
 
 MAX_PIXELS = 64_000_000
 """Larger images are refused unread: a few bytes of header can ask for any amount of memory."""
@@ -25,6 +28,16 @@ FORMATS = ("PPM", "PNG", "BMP")
 """What the map saver writes; Pillow counts pgm as PPM."""
 GREY_MODES, COLOUR_MODES, ALPHA_MODES = ("1", "L"), ("P", "RGB"), ("LA", "PA", "RGBA")
 """Pillow's names for the 8-bit images that are read."""
+FREE, OCCUPIED, UNKNOWN = 0, 1, 2
+NAMES = ("free", "occupied", "unknown")
+NEVER_SEEN = 205
+"""The grey that map savers write for what nobody has seen.
+
+Its occupancy, 50/255 = 0.19608, is above the 0.196 of ROS 1 and below Nav2's 0.25: the map server
+calls it unknown or free, depending on which of the two files it reads. Here it is unknown.
+"""
+LEAST_YAW = 1e-6
+"""Smaller yaws are what SLAM tools' rounding leaves of 0 [rad]."""
 # What Pillow's readers raise on a damaged file; DecompressionBombError is their size limit.
 UNREADABLE = (
     OSError,
@@ -54,12 +67,16 @@ class MapFile(FrozenModel):
     occupied_thresh: float = Field(ge=0.0, le=1.0)
     mode: Literal["trinary", "scale", "raw"] = "trinary"
 
+    @field_validator("mode", mode="before")
+    @classmethod
+    def _in_any_case(cls, mode: object) -> object:
+        return mode.lower() if isinstance(mode, str) else mode
+
     @field_validator("origin")
     @classmethod
-    def _not_rotated(cls, origin: tuple[float, ...]) -> tuple[float, ...]:
-        if origin[2] != 0.0:
-            raise ValueError("the third number (yaw) must be 0; rotated maps are not supported")
-        return origin
+    def _within_a_turn(cls, origin: tuple[float, ...]) -> tuple[float, ...]:
+        yaw = math.remainder(origin[2], math.tau)
+        return (*origin[:2], 0.0 if abs(yaw) < LEAST_YAW else yaw)
 
     @field_validator("occupied_thresh")
     @classmethod
@@ -71,7 +88,18 @@ class MapFile(FrozenModel):
 
 
 def read_ros_map(path: str | Path) -> World:
+    """Read a map like ``read_map``; return the world alone.
+
+    Raises:
+        InputError: as ``read_map``.
+    """
+    return read_map(path).world
+
+
+def read_map(path: str | Path) -> Reading:
     """Read a map's YAML file and its image; the world's bounds are the extent of the map.
+
+    What is not known to be free is solid, and so is everything beyond the image.
 
     Raises:
         InputError: a key or the image is missing or wrong, or no cell is free.
@@ -80,16 +108,27 @@ def read_ros_map(path: str | Path) -> World:
     settings = validate(MapFile, load_yaml(path), str(path))
     pixels, has_alpha = _read_pixels(path, path.parent / settings.image)
     # Row 0 of an image is its top, row 0 of a grid its bottom.
-    solid = np.ascontiguousarray(_solid(pixels, has_alpha, settings)[::-1])
-    if solid.all():
+    cells = _cells(pixels, has_alpha, settings)[::-1]
+    if (cells != FREE).all():
         raise InputError(f"{path}: image = {settings.image!r}: must show at least one free cell")
-    height, width = solid.shape
-    x, y, _ = settings.origin
-    bounds = (x, y, x + width * settings.resolution, y + height * settings.resolution)
+    x, y, yaw = settings.origin
+    solid = np.ascontiguousarray(cells != FREE).view(np.uint8)
     try:
-        return World(path.stem, bounds, grid=OccupancyGrid(solid, settings.resolution, (x, y)))
+        grid = OccupancyGrid(solid, settings.resolution, (x, y), yaw, closed=True)
+        world = World(path.stem, grid.extent(), grid=grid)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+    return Reading(world, summary=f"{path}: {_summary(cells, settings)}")
+
+
+def _summary(cells: NDArray[np.uint8], settings: MapFile) -> str:
+    """Say how large a map is, and what share of it is what."""
+    height, width = cells.shape
+    counts = np.bincount(cells.ravel(), minlength=3)
+    shares = [f"{100.0 * counts[k] / cells.size:.1f} % {NAMES[k]}" for k in range(3)]
+    turned = f", turned by {settings.origin[2]:.4g} rad" if settings.origin[2] else ""
+    size = f"{width} x {height} cells of {settings.resolution:g} m{turned}"
+    return f"read {size}: {', '.join(shares)}"
 
 
 def _read_pixels(path: Path, image_path: Path) -> tuple[NDArray[np.integer], bool]:
@@ -110,7 +149,10 @@ def _read_pixels(path: Path, image_path: Path) -> tuple[NDArray[np.integer], boo
     except InputError:
         raise
     except FileNotFoundError as error:
-        raise InputError(f"{where}: does not exist") from error
+        # Tools write where the image was when the map was saved, on another machine perhaps.
+        beside = path.with_name(image_path.name)
+        hint = f"; beside the file there is {beside.name}" if beside.is_file() else ""
+        raise InputError(f"{where}: does not exist{hint}") from error
     except Image.DecompressionBombError as error:
         raise InputError(f"{where}: must have at most {MAX_PIXELS} pixels") from error
     except UNREADABLE as error:
@@ -132,27 +174,43 @@ def _decode(image: Image.Image, where: str) -> tuple[NDArray[np.integer], bool]:
     return np.asarray(image.convert(mode)).reshape(height, width, -1), has_alpha
 
 
-def _solid(pixels: NDArray[np.integer], has_alpha: bool, settings: MapFile) -> NDArray[np.uint8]:
-    """Return 1 where a pixel is not known to be free, shape (height, width)."""
+def _cells(pixels: NDArray[np.integer], has_alpha: bool, settings: MapFile) -> NDArray[np.uint8]:
+    """Return of each pixel whether it is ``FREE``, ``OCCUPIED`` or ``UNKNOWN``, (height, width)."""
+    full = int(np.iinfo(pixels.dtype).max)
+    colours = pixels[:, :, :3]
     # As in the map server, alpha counts as one more channel in trinary mode and only there.
-    averaged = pixels if settings.mode == "trinary" else pixels[:, :, :3]
-    brightest = averaged.shape[2] * int(np.iinfo(pixels.dtype).max)
-    solid = _solid_levels(brightest, settings)[averaged.sum(axis=2, dtype=np.uint16)]
-    if has_alpha and settings.mode == "scale":
-        solid |= pixels[:, :, 3] != np.iinfo(pixels.dtype).max
-    return solid
+    averaged = pixels if settings.mode == "trinary" else colours
+    cells = _levels(averaged.shape[2] * full, settings)[averaged.sum(axis=2, dtype=np.uint16)]
+    if settings.mode == "trinary":
+        never_seen = (255 - NEVER_SEEN if settings.negate else NEVER_SEEN) * full // 255
+        brightness = colours.sum(axis=2, dtype=np.uint16)
+        cells[brightness == colours.shape[2] * never_seen] = UNKNOWN
+    elif settings.mode == "scale" and has_alpha:
+        cells[pixels[:, :, 3] != full] = UNKNOWN
+    return cells
 
 
-def _solid_levels(brightest: int, settings: MapFile) -> NDArray[np.uint8]:
-    """Return for each brightness, the sum of the channels, whether it is solid: 1 or 0.
+def _levels(brightest: int, settings: MapFile) -> NDArray[np.uint8]:
+    """Return what each brightness, the sum of the channels, means: free, occupied or unknown.
 
-    Cells between the thresholds are unknown. They count as solid like occupied ones, because the
-    robot must not drive into what nobody has seen; so ``occupied_thresh`` decides nothing here.
+    Only what the map server counts as free is free here. In trinary mode cells between the
+    thresholds are unknown; in the others they are partly occupied.
     """
     level = np.arange(brightest + 1)
+    cells = np.full(len(level), OCCUPIED, dtype=np.uint8)
     if settings.mode == "raw":
         # The pixel is the occupancy itself [%]; from 101 on it means unknown.
-        occupancy = np.floor(level * 255 / brightest + 0.5) / 100.0
-    else:
-        occupancy = (level if settings.negate else brightest - level) / brightest
-    return ((occupancy >= settings.free_thresh) | (occupancy > 1.0)).astype(np.uint8)
+        percent = np.floor(level * 255 / brightest + 0.5)
+        cells[percent / 100.0 < settings.free_thresh] = FREE
+        cells[percent > 100] = UNKNOWN
+        return cells
+    occupancy = (level if settings.negate else brightest - level) / brightest
+    free, occupied = settings.free_thresh, settings.occupied_thresh
+    if settings.mode == "trinary":
+        cells[occupancy <= occupied] = UNKNOWN
+    elif occupied > free:
+        # The server rounds to whole percents between the thresholds; 0 is free.
+        part = np.rint((occupancy - free) / (occupied - free) * 100.0)
+        cells[(occupancy <= occupied) & (part <= 0.0)] = FREE
+    cells[occupancy < free] = FREE
+    return cells

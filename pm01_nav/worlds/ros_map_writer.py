@@ -49,7 +49,7 @@ def write_grid(grid: OccupancyGrid, path: str | Path) -> Path:
         "image": image.name,
         "mode": "trinary",
         "resolution": float(grid.resolution),
-        "origin": [float(grid.origin[0]), float(grid.origin[1]), 0.0],
+        "origin": [float(grid.origin[0]), float(grid.origin[1]), float(grid.yaw)],
         "negate": 0,
         "occupied_thresh": 0.65,
         "free_thresh": 0.25,

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.world import OccupancyGrid, World
+from pm01_nav.worlds.grid import OccupancyGrid
+from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
 
@@ -60,9 +61,12 @@ def wall_boxes(segments: FloatArray, thickness: float = WALL_THICKNESS) -> list[
 def grid_boxes(grid: OccupancyGrid) -> list[Box]:
     """Cover the solid cells with boxes: runs in a row, joined with equal runs in the next rows.
 
+    Of a closed grid those are covered that surround what is free.
+
     Raises:
         InputError: it would take more than ``MAX_BOXES``.
     """
+    grid = grid.known
     runs = _runs(grid.occupied != 0)
     # Equal runs one above the other stand together: sorted by begin, end, row.
     runs = runs[np.lexsort((runs[:, 0], runs[:, 2], runs[:, 1]))]
@@ -72,12 +76,11 @@ def grid_boxes(grid: OccupancyGrid) -> list[Box]:
     if len(first) > MAX_BOXES:
         raise InputError(f"the grid would take {len(first)} boxes; at most {MAX_BOXES} are written")
     last = np.append(first, len(runs))[1:] - 1
-    size, (x, y) = grid.resolution, grid.origin
-    boxes = []
-    for bottom, begin, end, top in np.column_stack([runs[first], runs[last, 0]]).tolist():
-        centre_x, centre_y = x + size * (begin + end) / 2.0, y + size * (bottom + top + 1) / 2.0
-        boxes.append(Box(centre_x, centre_y, size * (end - begin), size * (top + 1 - bottom), 0.0))
-    return boxes
+    bottom, begin, end, top = np.column_stack([runs[first], runs[last, 0]]).T
+    middles = grid.to_world(np.column_stack([begin + end, bottom + top + 1]) / 2.0)
+    sides = grid.resolution * np.column_stack([end - begin, top + 1 - bottom])
+    places = np.hstack([middles, sides]).tolist()
+    return [Box(x, y, length, width, grid.yaw) for x, y, length, width in places]
 
 
 def _runs(solid: NDArray[np.bool_]) -> NDArray[np.int64]:

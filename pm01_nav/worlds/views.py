@@ -129,7 +129,7 @@ def _segments(world: World) -> tuple[FloatArray, NDArray[np.bool_]]:
 
 
 def _frame(world: World, obstacles: int) -> tuple[float, float, float, int, int]:
-    x_min, y_min, x_max, y_max = world.bounds
+    x_min, y_min, x_max, y_max = world.known_bounds
     area = (x_max - x_min) * (y_max - y_min)
     size = max(CELL, np.sqrt(area * obstacles / MAX_PAIRS))
     width, height = np.ceil((x_max - x_min) / size), np.ceil((y_max - y_min) / size)

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import polygon_edges
+from pm01_nav.worlds.grid import OccupancyGrid, check_coordinates
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.polygon import has_area, is_simple
 
@@ -19,41 +21,12 @@ MAX_OBSTACLES = 200_000
 """Discs, segments, corners of polygons and movers together; more is refused, not awaited."""
 MAX_CORNERS = 10_000
 """Corners of one polygon: whether it crosses itself takes up to their square to find out."""
-MAX_CELLS = 64_000_000
-"""Cells of a grid."""
-MAX_COORDINATE = 1e7
-"""[m]; UTM coordinates are below it. Further out a double has no micrometres left."""
 BOUNDS_SIDE = (1e-3, 1e5)
 """Least and greatest side of the bounds [m]."""
 
 
 def _no_rows(columns: int) -> FloatArray:
     return np.zeros((0, columns))
-
-
-@dataclass(frozen=True)
-class OccupancyGrid:
-    """A grid of solid cells; everything outside it is free."""
-
-    occupied: NDArray[np.uint8]
-    """1 where a cell is solid, shape (height, width); row 0 has the smallest y."""
-    resolution: float
-    """Side of a cell [m]."""
-    origin: tuple[float, float]
-    """Lower left corner of cell (0, 0) in the world [m]."""
-
-    def __post_init__(self) -> None:
-        """Refuse a grid that no simulator could use.
-
-        Raises:
-            InputError: it has no cells or too many, or a number is not finite or not positive.
-        """
-        if self.occupied.ndim != 2 or not 0 < self.occupied.size <= MAX_CELLS:
-            shape = self.occupied.shape
-            raise InputError(f"grid: must have rows and columns, 1 to {MAX_CELLS} cells: {shape}")
-        if not 0.0 < self.resolution <= MAX_COORDINATE:
-            raise InputError(f"grid: resolution = {self.resolution}: must be above 0")
-        _check_coordinates(np.asarray(self.origin, dtype=np.float64), "grid: origin")
 
 
 @dataclass(frozen=True)
@@ -117,10 +90,25 @@ class World:
             (name, getattr(self, name) or ()) for name in ("start", "start_area", "goal_area")
         ]
         for name, values in named:
-            _check_coordinates(np.asarray(values, dtype=np.float64), name)
+            check_coordinates(np.asarray(values, dtype=np.float64), name)
         for index in np.nonzero(self.discs[:, 2] <= 0.0)[0][:1]:
             radius = self.discs[index, 2]
             raise InputError(f"discs[{index}]: radius = {radius}: must be positive")
+
+    @cached_property
+    def known_bounds(self) -> tuple[float, float, float, float]:
+        """The part of ``bounds`` in which there is anything free; ``bounds`` if there is nothing.
+
+        The rest of a map is solid, and may be most of it: 100 m around one room.
+        """
+        known = self.grid.free_extent if self.grid is not None and self.grid.closed else None
+        if known is None:
+            return self.bounds
+        low = np.maximum(self.bounds[:2], known[:2])
+        high = np.minimum(self.bounds[2:], known[2:])
+        if (low >= high).any():
+            return self.bounds
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
     @property
     def all_segments(self) -> FloatArray:
@@ -128,20 +116,11 @@ class World:
         return np.concatenate([self.segments, *(polygon_edges(p) for p in self.polygons)])
 
 
-def _check_coordinates(values: FloatArray, name: str) -> None:
-    """Refuse what is not finite or further out than any map."""
-    # Not the other way round: a comparison with NaN is false.
-    bad = values[~(np.abs(values) <= MAX_COORDINATE)]
-    if len(bad):
-        limit = f"{MAX_COORDINATE:.0e}"
-        raise InputError(f"{name}: {bad[0]}: must be finite, between -{limit} and {limit}")
-
-
 def _check_polygon(polygon: FloatArray, name: str) -> None:
     if polygon.ndim != 2 or polygon.shape[1] != 2 or not 3 <= len(polygon) <= MAX_CORNERS:
         shape = polygon.shape
         raise InputError(f"{name}: must have 3 to {MAX_CORNERS} corners (x, y), not {shape}")
-    _check_coordinates(polygon, name)
+    check_coordinates(polygon, name)
     if not has_area(polygon):
         raise InputError(f"{name}: encloses no area")
     if not is_simple(polygon):
@@ -149,7 +128,7 @@ def _check_polygon(polygon: FloatArray, name: str) -> None:
 
 
 def _check_bounds(bounds: tuple[float, float, float, float]) -> None:
-    _check_coordinates(np.asarray(bounds, dtype=np.float64), "bounds")
+    check_coordinates(np.asarray(bounds, dtype=np.float64), "bounds")
     least, most = BOUNDS_SIDE
     x_min, y_min, x_max, y_max = bounds
     if not (x_min < x_max and y_min < y_max):

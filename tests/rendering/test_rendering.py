@@ -166,6 +166,43 @@ def test_grid_cells_are_where_they_stand() -> None:
         assert pixel(picture, x, y) != canvas.OBSTACLE_EDGE
 
 
+def test_turned_cells_are_where_they_stand() -> None:
+    # A cell of 1 m at the end of a row of three, turned left by 90 degrees about (6, 2): it spans
+    # x 5 to 6 and y 4 to 5.
+    row = np.array([[0, 0, 1]], dtype=np.uint8)
+    grid = OccupancyGrid(row, 1.0, (6.0, 2.0), np.pi / 2)
+    picture = draw(world=World("map", BOUNDS, grid=grid))
+    for x, y in ((5.04, 4.04), (5.96, 4.96), (5.5, 4.5)):
+        assert pixel(picture, x, y) == canvas.OBSTACLE_EDGE
+    for x, y in ((4.8, 4.5), (6.2, 4.5), (5.5, 3.7), (5.5, 5.2), (6.5, 2.5)):
+        assert pixel(picture, x, y) != canvas.OBSTACLE_EDGE
+
+
+def test_map_is_shown_as_far_as_it_is_free_and_is_solid_beyond() -> None:
+    # 9 m x 9 m of free cells in 200 m of nothing: with half a metre around that is the 10 m world.
+    cells = np.ones((2000, 2000), dtype=np.uint8)
+    cells[1000:1090, 1000:1090] = 0
+    cells[1040, 1000:1090] = 1
+    grid = OccupancyGrid(cells, 0.1, (-99.5, -99.5), closed=True)
+    picture = draw(world=World("map", grid.extent(), grid=grid))
+    assert picture.shape == (720, 688, 3)
+    # One row of cells, 6.6 px high, from y = 4.5 m on.
+    for x, y in ((0.25, 5.0), (9.8, 5.0), (5.0, 0.2), (5.0, 9.8), (5.0, 4.55)):
+        assert pixel(picture, x, y) == canvas.OBSTACLE_EDGE
+    for x, y in ((0.8, 5.0), (9.2, 5.0), (5.0, 0.8), (5.0, 9.2)):
+        assert pixel(picture, x, y) != canvas.OBSTACLE_EDGE
+    assert (picture[704:] == canvas.PAGE).all()
+
+
+def test_no_wall_of_a_fine_map_is_lost() -> None:
+    # Cells of 5 mm, a dozen to a pixel of the picture before it is reduced.
+    cells = np.zeros((2000, 2000), dtype=np.uint8)
+    cells[1000] = 1
+    picture = draw(world=World("map", BOUNDS, grid=OccupancyGrid(cells, 0.005, (0.0, 0.0))))
+    column = picture[300:400, 100].sum(axis=1)
+    assert column.min() < 0.9 * np.median(column)
+
+
 def test_view_keeps_scales_equal_and_centres() -> None:
     # 4 m x 2 m in 720 x 720: 688 px / 4 m = 172 px/m, as 656 px / 2 m would be more.
     view = fit((1.0, 1.0, 5.0, 3.0), (720, 720))

@@ -77,7 +77,12 @@ def random_world(rng: np.random.Generator) -> World:
         discs=np.column_stack([rng.uniform(-4, 4, (5, 2)), rng.uniform(0.1, 0.6, 5)]),
         polygons=(rectangle(*rng.uniform(-4, 4, 2), 1.0, 0.5, rng.uniform(-3, 3)),),
         segments=rng.uniform(-5, 5, (1, 4)),
-        grid=OccupancyGrid(cells, 0.2, tuple(rng.uniform(-4, 1, 2))),
+        grid=OccupancyGrid(
+            cells,
+            0.2,
+            (float(rng.uniform(-4, 1)), float(rng.uniform(-4, 1))),
+            float(rng.choice([0.0, rng.uniform(-np.pi, np.pi)])),
+        ),
     )
 
 

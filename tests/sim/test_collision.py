@@ -89,7 +89,8 @@ def random_world(rng: np.random.Generator, *, grid: bool) -> World:
     cells = (rng.random((20, 24)) < 0.03).astype(np.uint8)
     origin = (float(rng.uniform(-3, 0)), float(rng.uniform(-3, 0)))
     if grid:
-        return World("grid", BOUNDS, grid=OccupancyGrid(cells, 0.13, origin))
+        yaw = float(rng.choice([0.0, rng.uniform(-np.pi, np.pi)]))
+        return World("grid", BOUNDS, grid=OccupancyGrid(cells, 0.13, origin, yaw))
     return World("random", BOUNDS, discs=discs, polygons=boxes, segments=walls)
 
 

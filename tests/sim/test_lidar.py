@@ -31,7 +31,7 @@ def square_room(half: float) -> World:
 
 
 def random_world(rng: np.random.Generator, index: int) -> World:
-    """Draw discs, walls and boxes; every second world has a grid as well."""
+    """Draw discs, walls and boxes; every second world has a grid as well, half of them turned."""
     boxes = tuple(
         rectangle(*rng.uniform(-4, 4, 2), *rng.uniform(0.1, 1.5, 2), rng.uniform(-np.pi, np.pi))
         for _ in range(rng.integers(0, 4))
@@ -45,7 +45,9 @@ def random_world(rng: np.random.Generator, index: int) -> World:
         return world
     # From sparse to dense, so that a walk along a ray both leaps over empty space and steps.
     cells = (rng.random((18, 25)) < rng.choice([0.01, 0.05, 0.2])).astype(np.uint8)
-    grid = OccupancyGrid(cells, float(rng.choice([0.05, 0.15, 0.3])), tuple(rng.uniform(-4, 1, 2)))
+    origin = float(rng.uniform(-4, 1)), float(rng.uniform(-4, 1))
+    yaw = float(rng.uniform(-np.pi, np.pi)) if index % 4 else 0.0
+    grid = OccupancyGrid(cells, float(rng.choice([0.05, 0.15, 0.3])), origin, yaw)
     return replace(world, grid=grid)
 
 
@@ -210,6 +212,48 @@ def test_grid_from_outside_and_inside(make_robot, simulate) -> None:
     ]
     scan = simulate(robot, world, poses).scan
     assert scan == pytest.approx(np.array(expected), abs=TOLERANCE)
+
+
+def test_turned_grid(make_robot, simulate) -> None:
+    lidar = {"num_beams": 4, "angle_min": -np.pi, "angle_max": np.pi / 2, "range_max": 30.0}
+    # A cell of 1 m, 2 to 3 m along a grid that is turned left by 30 degrees about (1, 1). Seen from
+    # its origin along its rows the cell is 2 m away. From (1, 1) along x: the cell's lower right
+    # corner is 3 m away in the direction of 30 degrees, all others further left; nothing is hit.
+    cells = np.array([[0, 0, 1]], dtype=np.uint8)
+    world = World("grid", BOUNDS, grid=OccupancyGrid(cells, 1.0, (1.0, 1.0), np.pi / 6))
+    # Half a metre to the left of the origin, so that the beam runs along the middle of the row.
+    across = 1.0 + 0.5 * np.array([-np.sin(np.pi / 6), np.cos(np.pi / 6)])
+    poses = [[*across, np.pi / 6], [1.0, 1.0, 0.0]]
+    scan = simulate(make_robot(lidar=lidar), world, poses).scan
+    none = np.inf
+    expected = np.array([[none, none, 2.0, none], [none, none, none, none]])
+    assert scan == pytest.approx(expected, abs=TOLERANCE)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
+def test_beyond_a_closed_grid_all_is_solid(make_robot, simulate, yaw: float) -> None:
+    # 100 x 80 cells, of which 6 x 4 are free, but for one: only these and a ring are kept.
+    cells = np.ones((80, 100), dtype=np.uint8)
+    cells[40:44, 30:36] = 0
+    cells[41, 33] = 1
+    edge = np.zeros((4, 6), dtype=np.uint8)
+    edge[1, 3] = 1
+    rng = np.random.default_rng(0)
+    for grid in (
+        OccupancyGrid(cells, 0.5, (-5.0, -6.0), yaw, closed=True),
+        OccupancyGrid(edge, 0.5, (1.0, 2.0), yaw, closed=True),
+    ):
+        world = World("map", (-60.0, -60.0, 60.0, 60.0), grid=grid)
+        assert grid.known.occupied.shape == (6, 8)
+        first = np.argwhere(grid.occupied == 0)[0][::-1]
+        # In the lower two columns, which hold no solid cell.
+        places = grid.to_world(first + rng.uniform(0.0, [2.0, 4.0], (20, 2)))
+        poses = np.column_stack([places, rng.uniform(-np.pi, np.pi, 20)])
+        robot = make_robot(lidar=full_circle(90))
+        scan = simulate(robot, world, poses).scan
+        twin = [reference_scan(world, robot, pose) for pose in poses]
+        assert scan == pytest.approx(np.array(twin), abs=TOLERANCE)
+        assert np.isfinite(scan[scan > 0.0]).all()
 
 
 @pytest.mark.parametrize("num_beams", [20, 360])

@@ -139,11 +139,14 @@ CELLS = np.zeros((40, 40), dtype=np.uint8)
 CELLS[10:14, 18:22] = 1
 CELLS[28:30, 5:20] = 1
 BLOCKS = OccupancyGrid(CELLS, 0.25, (0.0, 0.0))
+TURNED = OccupancyGrid(CELLS, 0.25, (2.0, -1.0), 0.4)
 
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize(
-    "obstacles", [{}, {"discs": PILLARS, "grid": BLOCKS}], ids=["room", "more"]
+    "obstacles",
+    [{}, {"discs": PILLARS, "grid": BLOCKS}, {"discs": PILLARS, "grid": TURNED}],
+    ids=["room", "more", "turned"],
 )
 def test_twenty_in_a_room_never_touch(start, model: str, obstacles: dict) -> None:
     worlds = [crowd(np.random.default_rng(seed), 20, **obstacles) for seed in range(2)]

@@ -17,6 +17,7 @@ from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool, world_seeds
+from pm01_nav.worlds import pool as pool_module
 from pm01_nav.worlds.free_space import free_space, shortest_path, shortest_path_length
 from pm01_nav.worlds.pool import WorldPool, build_pool, generate_pool
 from pm01_nav.worlds.suites import SUITES
@@ -127,6 +128,52 @@ def assert_grid_places_are_free(resolution: float) -> None:
     robot = load_robot("pm01")
     clearances = [reference_clearance(world, robot, (x, y, 0.0)) for x, y in pool.arrays.starts]
     assert min(clearances) > 0.0
+
+
+def room_map(around: int) -> World:
+    """A map of a room of 6 m x 6 m with a pillar, and so many cells of nothing around it."""
+    cells = np.zeros((120, 120), dtype=np.uint8)
+    cells[50:60, 50:60] = 1
+    cells = np.pad(cells, around, constant_values=1)
+    corner = -0.05 * around
+    grid = OccupancyGrid(cells, 0.05, (corner, corner), closed=True)
+    return World("room", grid.extent(), grid=grid)
+
+
+def test_nothing_around_a_map_costs_nothing() -> None:
+    small, large = (build_pool([room_map(around)], RADIUS) for around in (2, 400))
+    # 6 m of free space and a ring of one cell.
+    assert large.arrays.grid_cells.size == small.arrays.grid_cells.size == 122**2
+    assert large.arrays.grid_frame == pytest.approx(small.arrays.grid_frame, abs=1e-12)
+    assert large.free_space(0).free.size == small.free_space(0).free.size == 60**2
+    assert large.free_space(0) is large.free_space(0)
+    assert np.sort(large.arrays.starts, axis=0) == pytest.approx(
+        np.sort(small.arrays.starts, axis=0), abs=1e-9
+    )
+
+
+def test_rasters_that_are_kept_are_not_too_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pool_module, "MAX_SPACES", 2)
+    pool = build_pool([World(str(k), BOUNDS) for k in range(3)], RADIUS)
+    first = pool.free_space(0)
+    assert pool.free_space(1) is pool.free_space(1)
+    assert pool.free_space(0) is first
+    pool.free_space(2)
+    assert pool.free_space(0) is not first
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.3, 3.14])
+@pytest.mark.parametrize("closed", [False, True])
+def test_places_in_a_turned_map_are_free(yaw: float, closed: bool) -> None:
+    cells = np.zeros((60, 80), dtype=np.uint8)
+    cells[10:20, 30:35] = cells[40:44, 50:80] = 1
+    grid = OccupancyGrid(cells, 0.1, (2.0, -1.0), yaw, closed)
+    world = World("map", grid.extent(), grid=grid)
+    pool = build_pool([world], RADIUS)
+    robot = load_robot("pm01")
+    rng = np.random.default_rng(0)
+    for x, y in rng.choice(np.concatenate([pool.arrays.starts, pool.arrays.goals]), 60):
+        assert reference_clearance(world, robot, (x, y, 0.0)) >= 0.1 - 1e-9
 
 
 @pytest.mark.parametrize("limits", [(2.0, math.inf), (0.0, 5.0), (1.0, 4.0)])

@@ -80,6 +80,30 @@ def test_coarser_cells_hold_the_solid_ones() -> None:
     assert drawn(rasterise(world, 1.0)) == ["...", "..#", "#.."]
 
 
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("resolution", [0.2, 0.31])
+def test_turned_grid(resolution: float, closed: bool) -> None:
+    rng = np.random.default_rng(0)
+    cells = (rng.random((9, 12)) < 0.2).astype(np.uint8)
+    own = OccupancyGrid(cells, 0.25, (-1.0, 0.5), 0.6, closed)
+    grid = rasterise(World("w", (-3.0, 0.0, 3.0, 4.0), grid=own), resolution)
+    assert (grid.yaw, grid.closed) == (0.0, closed)
+    # A cell is solid if any of 15 x 15 points within it lies in a solid cell of the grid, and free
+    # if none does of those a hair outside of it: points lie 14 mm or 22 mm apart, so that only
+    # overlaps of that size can be missed.
+    missed = 0
+    for row, column in np.ndindex(grid.occupied.shape):
+        low = np.array(grid.origin) + resolution * np.array([column, row])
+        steps = resolution * np.linspace(1e-4, 1.0 - 1e-4, 15)
+        points = low + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        touched = any(own.is_solid(x, y) for x, y in points.tolist())
+        if touched:
+            assert grid.occupied[row, column] == 1
+        else:
+            missed += int(grid.occupied[row, column])
+    assert missed <= 0.03 * grid.occupied.size
+
+
 @pytest.mark.parametrize("resolution", [0.0, -0.1, float("nan"), float("inf")])
 def test_resolution_must_be_positive(resolution: float) -> None:
     with pytest.raises(InputError, match=r"resolution = .*: must be above 0"):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import io
+import math
 import struct
 import warnings
 import zlib
@@ -18,7 +19,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.ros_map import read_ros_map
+from pm01_nav.worlds.pool import build_pool
+from pm01_nav.worlds.ros_map import read_map, read_ros_map
 
 KEYS = {
     "image": "map.pgm",
@@ -85,15 +87,50 @@ def test_negate_swaps_black_and_white(tmp_path: Path) -> None:
 
 
 def test_free_means_strictly_below_the_threshold(tmp_path: Path) -> None:
-    # (255 - 204)/255 = 0.2 exactly is not below 0.2; 205 gives 50/255 = 0.196.
-    path = write(tmp_path, b"P5 2 1 255\n" + bytes([204, 205]), free_thresh=0.2)
+    # (255 - 204)/255 = 0.2 exactly is not below 0.2; 206 gives 49/255 = 0.192.
+    path = write(tmp_path, b"P5 2 1 255\n" + bytes([204, 206]), free_thresh=0.2)
     assert solid(path) == [[1, 0]]
 
 
-def test_slam_tools_grey_205_is_unknown_with_their_threshold(tmp_path: Path) -> None:
-    # (255 - 205)/255 = 0.19608 > 0.196; 254 gives 0.004.
-    path = write(tmp_path, b"P5 2 1 255\n" + bytes([205, 254]), free_thresh=0.196)
-    assert solid(path) == [[1, 0]]
+def grey(*levels: int) -> bytes:
+    """Return a pgm with the pixels in one row."""
+    return f"P5 {len(levels)} 1 255\n".encode() + bytes(levels)
+
+
+@pytest.mark.parametrize("free_thresh", [0.196, 0.25, 0.3])
+def test_what_map_savers_write_for_never_seen_is_unknown(
+    tmp_path: Path, free_thresh: float
+) -> None:
+    # (255 - 205)/255 = 0.19608 is above ROS 1's 0.196, and below Nav2's 0.25; its neighbours and
+    # white are not what the map saver writes, and free at 0.25: 204 gives 0.2, 206 gives 0.192.
+    changes = {"free_thresh": free_thresh}
+    assert solid(write(tmp_path, grey(205, 254, 206), **changes)) == [[1, 0, 0]]
+    if free_thresh > 0.2:
+        assert solid(write(tmp_path, grey(204), **changes)) == [[0]]
+    # The same as colours, with alpha (which the server averages in), with 16 bits, and inverted.
+    for image in (png("RGB", [(205,) * 3, (254,) * 3]), png("LA", [(205, 255), (254, 255)])):
+        assert solid(write(tmp_path, image, **changes)) == [[1, 0]]
+    wide = b"P5 2 1 65535\n" + struct.pack(">HH", 205 * 257, 254 * 257)
+    assert solid(write(tmp_path, wide, **changes)) == [[1, 0]]
+    assert solid(write(tmp_path, grey(50, 1, 49), **changes, negate=1)) == [[1, 0, 0]]
+
+
+def test_never_seen_is_a_matter_of_trinary_mode(tmp_path: Path) -> None:
+    # In scale mode 0.196 is below the threshold and free, as in the map server; in raw mode 205
+    # is more than 100 %, and 50 % are above the threshold.
+    assert solid(write(tmp_path, grey(205), mode="scale")) == [[0]]
+    assert solid(write(tmp_path, grey(205, 50, 0), mode="raw")) == [[1, 1, 0]]
+
+
+def test_scale_rounds_to_whole_percents(tmp_path: Path) -> None:
+    # Between 0.196 and 0.65: grey 205 is 0.17 %o of the way, which the server rounds to 0, free;
+    # 204 gives 0.2, (0.2 - 0.196)/0.454 = 0.88 %: 1, not free.
+    path = write(tmp_path, grey(205, 204), mode="scale", free_thresh=0.196)
+    assert solid(path) == [[0, 1]]
+
+
+def test_mode_in_capitals(tmp_path: Path) -> None:
+    assert solid(write(tmp_path, grey(24, 25), mode="Raw")) == [[0, 1]]
 
 
 def test_raw_pixels_are_percent(tmp_path: Path) -> None:
@@ -145,6 +182,59 @@ def test_sixteen_bit_grey(tmp_path: Path) -> None:
     assert solid(write(tmp_path, image)) == [[0, 1]]
 
 
+@pytest.mark.parametrize("yaw", [-1.2e-17, 4e-7, 2.0 * math.pi, -0.0])
+def test_tiny_yaw_is_none(tmp_path: Path, yaw: float) -> None:
+    grid = read_ros_map(write(tmp_path, origin=[-1.0, 2.0, yaw])).grid
+    assert grid is not None
+    assert grid.yaw == 0.0
+    assert math.copysign(1.0, grid.yaw) > 0.0
+
+
+@pytest.mark.parametrize("yaw", [3.14, math.pi / 2, -0.1, 7.0])
+def test_turned_map(tmp_path: Path, yaw: float) -> None:
+    world = read_ros_map(write(tmp_path, origin=[-1.0, 2.0, yaw]))
+    grid = world.grid
+    assert grid is not None
+    # The middle of column c and row r from below lies 0.5 m times c + 1/2 along the map's x axis,
+    # and r + 1/2 along its y axis, from the origin on: REP-103, counter-clockwise.
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    for r, row in enumerate([[0, 0, 1], [1, 0, 1]]):
+        for c, cell in enumerate(row):
+            along, across = 0.5 * (c + 0.5), 0.5 * (r + 0.5)
+            x, y = -1.0 + cos * along - sin * across, 2.0 + sin * along + cos * across
+            assert grid.is_solid(x, y) == bool(cell)
+    corners = [(0.0, 0.0), (1.5, 0.0), (0.0, 1.0), (1.5, 1.0)]
+    xs = [-1.0 + cos * a - sin * b for a, b in corners]
+    ys = [2.0 + sin * a + cos * b for a, b in corners]
+    assert world.bounds == pytest.approx((min(xs), min(ys), max(xs), max(ys)), abs=1e-12)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5])
+def test_beyond_the_image_all_is_solid(tmp_path: Path, yaw: float) -> None:
+    # 5 m x 5 m, white to the edge.
+    image = b"P5 100 100 255\n" + bytes([254]) * 100**2
+    world = read_ros_map(write(tmp_path, image, resolution=0.05, origin=[0.0, 0.0, yaw]))
+    assert world.grid is not None
+    assert world.grid.occupied.shape == (100, 100)
+    assert not world.grid.occupied.any()
+    assert world.grid.is_solid(-0.1, -0.1)
+    pool = build_pool([world], 0.3)
+    places = np.concatenate([pool.arrays.starts, pool.arrays.goals])
+    assert len(places) > 1000
+    # In the image's own frame a disc of 0.3 m around a place keeps within 0 to 5 m.
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    within = np.column_stack([places @ [cos, sin], places @ [-sin, cos]])
+    assert within.min() >= 0.3 - 1e-9
+    assert within.max() <= 4.7 + 1e-9
+
+
+def test_says_what_was_read(tmp_path: Path) -> None:
+    # Of 3 x 2 cells three are white, two black and one grey: 50, 33.3 and 16.7 %.
+    path = write(tmp_path, origin=[0.0, 0.0, 1.5])
+    expected = "read 3 x 2 cells of 0.5 m, turned by 1.5 rad: 50.0 % free, 33.3 % occupied, "
+    assert read_map(path).summary == f"{path}: {expected}16.7 % unknown"
+
+
 def test_unknown_keys_are_ignored(tmp_path: Path) -> None:
     assert solid(write(tmp_path, note="from the lab")) == [[0, 0, 1], [1, 0, 1]]
 
@@ -165,7 +255,6 @@ def test_absolute_image_path(tmp_path: Path) -> None:
         ("resolution", float("nan"), "finite"),
         ("origin", [0.0, 0.0], "at least 3"),
         ("origin", [0.0, 0.0, 0.0, 0.0], "at most 3"),
-        ("origin", [0.0, 0.0, 0.1], "rotated maps are not supported"),
         ("origin", [0.0, float("inf"), 0.0], "finite"),
         ("mode", "fancy", "'trinary', 'scale' or 'raw'"),
         ("free_thresh", -0.1, "greater than or equal to 0"),
@@ -185,6 +274,13 @@ def test_missing_image(tmp_path: Path) -> None:
     path = write(tmp_path)
     (tmp_path / "map.pgm").unlink()
     refused(path, "map.pgm", "does not exist")
+
+
+def test_image_that_lies_elsewhere(tmp_path: Path) -> None:
+    refused(
+        write(tmp_path, image="/home/somebody/maps/map.pgm"),
+        "does not exist; beside the file there is map.pgm",
+    )
 
 
 @pytest.mark.parametrize(

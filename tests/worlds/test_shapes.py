@@ -55,6 +55,24 @@ def test_boxes_cover_the_solid_cells_once(cells: np.ndarray) -> None:
     assert covered.tolist() == cells.tolist()
 
 
+def test_boxes_of_a_turned_grid() -> None:
+    # Two cells of 1 m beside each other, turned left by 90 degrees about (3, 1): the row runs
+    # along y, from the origin to the left, so that x is 2 to 3 and y is 1 to 3.
+    cells = np.array([[1, 1]], dtype=np.uint8)
+    (box,) = grid_boxes(OccupancyGrid(cells, 1.0, (3.0, 1.0), np.pi / 2))
+    assert (box.x, box.y, box.length, box.width) == pytest.approx((2.5, 2.0, 2.0, 1.0))
+    assert box.yaw == np.pi / 2
+
+
+def test_boxes_surround_what_is_free_in_a_closed_grid() -> None:
+    # 50 m of nothing around one free cell: eight cells of 0.5 m are left of it.
+    cells = np.ones((100, 100), dtype=np.uint8)
+    cells[40, 60] = 0
+    boxes = grid_boxes(OccupancyGrid(cells, 0.5, (0.0, 0.0), closed=True))
+    assert sum(box.length * box.width for box in boxes) == pytest.approx(8 * 0.25)
+    assert all(abs(box.x - 30.25) < 0.6 and abs(box.y - 20.25) < 0.6 for box in boxes)
+
+
 def test_too_many_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shapes, "MAX_BOXES", 2)
     with pytest.raises(InputError, match="the grid would take 3 boxes; at most 2"):

@@ -73,7 +73,7 @@ def _numbers(world: World) -> list[ArrayLike]:
         numbers += [mover.points, mover.times, (mover.radius, mover.speed, mover.heading)]
     grid = world.grid
     if grid is not None:
-        numbers += [grid.occupied, grid.origin, grid.resolution]
+        numbers += [grid.occupied, grid.origin, grid.resolution, grid.yaw, grid.closed]
     return numbers
 
 
