@@ -110,7 +110,7 @@ def _facts(config: TaskConfig, pool: WorldPool) -> list[str]:
         region = " ".join(f"{value:.1f}" for value in corners)
         lines.append(
             f"not connected: {left_out.sum() * cell:.1f} m², pieces: {np.count_nonzero(sizes)}; "
-            f'the largest, {sizes.max() * cell:.1f} m², is had by --region "{region}"'
+            f'the largest, {sizes.max() * cell:.1f} m², lies within "{region}"'
         )
     return lines
 

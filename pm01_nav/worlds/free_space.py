@@ -203,13 +203,17 @@ def _clear_cells(free, occupied, distance, frame, raster, radius):
             right = raster[0] + (column + 0.5) * raster[2] - x_min
             up = raster[1] + (row + 0.5) * raster[2] - y_min
             x, y = (cos * right + sin * up) / size, (cos * up - sin * right) / size
-            if closed and not (0.0 <= x <= width and 0.0 <= y <= height):
+            inside = 0.0 <= x <= width and 0.0 <= y <= height
+            if closed and not inside:
                 free[row, column] = False
                 continue
             c = min(max(int(np.floor(x)), 0), width - 1)
             r = min(max(int(np.floor(y)), 0), height - 1)
             # Centre to centre; each end may be half a diagonal nearer.
             if (distance[r, c] - np.sqrt(2.0)) * size >= radius:
+                continue
+            if inside and (distance[r, c] + np.sqrt(0.5)) * size < radius:
+                free[row, column] = False
                 continue
             for k in range(max(r - reach, 0), min(r + reach + 1, height)):
                 for j in range(max(c - reach, 0), min(c + reach + 1, width)):

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +20,10 @@ FloatArray = NDArray[np.float64]
 
 GRID = 1e-6
 """Corners nearer to each other than this are one [m]."""
-THIN = 2e-4
+THIN = 5e-4
 """What is thinner than this from above [m] is a line: the side of a wall."""
+GAP = 1e-4
+"""Half of a gap that is closed [m]."""
 TOLERANCE = 5e-4
 """Outlines are simplified by at most this [m]."""
 LEAST_HOLE = 0.01
@@ -76,13 +78,14 @@ def floor_plan(triangles: FloatArray, band: Band) -> Plan:
     solid, sides = _shadow(surfaces, band.lidar, band.high)
     low_solid, low_sides = _shadow(surfaces, band.sill, band.lidar)
     low_parts = shapely.get_parts(low_solid)
-    free = shapely.difference(low_parts, solid)
-    is_floor = ~shapely.is_empty(shapely.buffer(free, -FLOOR_WIDTH / 2.0))
-    solid = shapely.union_all([solid, *low_parts[~is_floor]])
-    solid, sides = _without_clutter(solid, shapely.union_all([sides, low_sides]))
+    free = shapely.difference(low_parts, solid, grid_size=GRID)
+    is_floor = ~shapely.is_empty(_narrowed(free, FLOOR_WIDTH / 2.0))
+    solid = _joined([solid, *low_parts[~is_floor]])
+    solid, sides = _without_clutter(solid, _joined([sides, low_sides]))
     polygons, thin = _simple_polygons(solid)
     segments = np.concatenate([np.zeros((0, 4)), *_segments(sides), *thin])
-    return Plan(polygons, segments, bool(is_floor.any()))
+    is_low = band.low < mesh.bounds[1, 2] <= band.sill
+    return Plan(polygons, segments, bool(is_low or is_floor.any()))
 
 
 def _sorted_surfaces(mesh: Any) -> _Surfaces:
@@ -115,7 +118,14 @@ def _shadow(surfaces: _Surfaces, low: float, high: float) -> tuple[Any, Any]:
     areas, _ = _projected(surfaces.closed, low, high)
     more, lines = _projected(surfaces.other, low, high)
     inside = _inside(surfaces.bodies, low) if low < high else shapely.MultiPolygon()
-    return shapely.union_all([*areas, *more, inside]), shapely.union_all(lines)
+    return _joined([*areas, *more, inside]), _joined(lines)
+
+
+def _joined(shapes: Sequence[Any]) -> Any:
+    """Return the union; on a grid, without which thin slivers lead the library astray."""
+    import shapely
+
+    return shapely.union_all(shapes, grid_size=GRID)
 
 
 def _projected(mesh: Any, low: float, high: float) -> tuple[list[Any], list[Any]]:
@@ -149,7 +159,7 @@ def _inside(bodies: list[Any], height: float) -> Any:
     lines = np.concatenate([np.zeros((0, 2, 2)), *cuts])
     owners = np.repeat(np.arange(len(bodies)), [len(cut) for cut in cuts])
     signs = np.array([1 if body.volume > 0.0 else -1 for body in bodies])
-    edges = shapely.union_all(shapely.linestrings(lines)) if len(lines) else None
+    edges = _joined([*shapely.get_parts(shapely.linestrings(lines))]) if len(lines) else None
     faces = [] if edges is None else shapely.get_parts(shapely.polygonize([edges]))
     solid = []
     for face in faces:
@@ -157,7 +167,7 @@ def _inside(bodies: list[Any], height: float) -> Any:
         is_in = np.bincount(crossed, minlength=len(bodies)) % 2 == 1
         if signs[is_in].sum() > 0:
             solid.append(face)
-    return shapely.union_all(solid)
+    return _joined(solid)
 
 
 def _cut(body: Any, height: float) -> FloatArray:
@@ -181,15 +191,23 @@ def _crosses(point: Any, lines: FloatArray) -> NDArray[np.bool_]:
     return spans & (x1 + (point.y - y1) / rise * (x2 - x1) > point.x)
 
 
+def _narrowed(areas: Any, width: float) -> Any:
+    """Return what is further than ``width`` inside of each area."""
+    import shapely
+
+    return shapely.buffer(areas, -width, quad_segs=4)
+
+
 def _without_clutter(solid: Any, sides: Any) -> tuple[Any, Any]:
     """Fill what lines enclose that is too small to be in; return the area and the lines left."""
     import shapely
 
-    edges = shapely.union_all([sides, solid.boundary])
+    edges = _joined([sides, solid.boundary])
     faces = shapely.get_parts(shapely.polygonize([edges]))
-    small = faces[shapely.area(faces) < LEAST_HOLE]
-    solid = shapely.union_all([solid, *small])
-    return solid, sides.difference(solid)
+    # What has next to no width stays lines.
+    small = faces[(shapely.area(faces) < LEAST_HOLE) & ~shapely.is_empty(_narrowed(faces, THIN))]
+    solid = _joined([solid, *small])
+    return solid, shapely.difference(sides, solid, grid_size=GRID)
 
 
 def _simple_polygons(solid: Any) -> tuple[list[FloatArray], list[FloatArray]]:
@@ -198,8 +216,8 @@ def _simple_polygons(solid: Any) -> tuple[list[FloatArray], list[FloatArray]]:
 
     polygons, thin = [], []
     # Gaps that are thinner than a line would let edges cross where corners are rounded.
-    closed = shapely.buffer(solid, THIN, join_style="mitre")
-    closed = shapely.buffer(closed, -THIN, join_style="mitre")
+    closed = shapely.buffer(solid, GAP, join_style="mitre")
+    closed = shapely.buffer(closed, -GAP, join_style="mitre")
     for part in shapely.get_parts(shapely.simplify(closed, TOLERANCE)):
         for piece in _pieces(part):
             corners = np.asarray(piece.exterior.coords)[:-1]

@@ -63,11 +63,12 @@ def starts_outside(world: World, starts: NDArray[np.float64]) -> str | None:
     share = float(inside.outside.free[rows, columns].mean())
     if share < LEAST_SHARE:
         return None
+    warning = f"{world.name}: {100.0 * share:.0f} % of the starts lie outside what walls enclose; "
+    warning += '--region "x0 y0 x1 y1" says where to drive'
+    if inside.around is None:
+        return warning
     within = " ".join(f"{value:.1f}" for value in inside.around)
-    return (
-        f"{world.name}: {100.0 * share:.0f} % of the starts lie outside what walls enclose; "
-        f'--region "x0 y0 x1 y1" says where to drive, here perhaps "{within}"'
-    )
+    return f'{warning}, here perhaps "{within}"'
 
 
 @dataclass(frozen=True)
@@ -76,8 +77,8 @@ class _Enclosure:
 
     outside: FreeSpace
     """Its free cells are outside."""
-    around: Area
-    """Around all that is enclosed [m]."""
+    around: Area | None
+    """A region whose largest free part is enclosed [m]; None if none was found."""
 
 
 def _enclosure(world: World) -> _Enclosure | None:
@@ -97,12 +98,23 @@ def _enclosure(world: World) -> _Enclosure | None:
     # The disc covers more than its centres.
     reach = DOORWAY / 2.0 / space.resolution
     covered = np.asarray(ndimage.distance_transform_edt(~outside)) <= reach
-    rows, columns = np.nonzero(rooms)
-    places = space.centre(rows, columns)
-    (x_min, y_min), (x_max, y_max) = places.min(axis=0), places.max(axis=0)
-    wide = DOORWAY / 2.0
-    around = (float(x_min - wide), float(y_min - wide), float(x_max + wide), float(y_max + wide))
-    return _Enclosure(replace(space, free=covered), around)
+    largest = np.bincount(regions[rooms]).argmax()
+    around = (_around(space, rooms, part) for part in (rooms, regions == largest))
+    return _Enclosure(replace(space, free=covered), next(filter(None, around), None))
+
+
+def _around(space: FreeSpace, rooms: NDArray[np.bool_], part: NDArray[np.bool_]) -> Area | None:
+    """Return the region around ``part``, or None if it holds larger free parts than ``rooms``."""
+    rows, columns = np.nonzero(part)
+    window = slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)
+    regions = replace(space, free=space.free[window]).regions()
+    sizes = np.bincount(regions.ravel())
+    sizes[0] = 0
+    if not rooms[window][regions == sizes.argmax()].all():
+        return None
+    places, wide = space.centre(rows, columns), DOORWAY / 2.0
+    (x_min, y_min), (x_max, y_max) = places.min(axis=0) - wide, places.max(axis=0) + wide
+    return float(x_min), float(y_min), float(x_max), float(y_max)
 
 
 def _edge(cells: NDArray) -> NDArray:

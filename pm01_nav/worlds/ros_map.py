@@ -149,7 +149,10 @@ def _read_pixels(path: Path, image_path: Path) -> tuple[NDArray[np.integer], boo
     except InputError:
         raise
     except FileNotFoundError as error:
-        raise InputError(f"{where}: does not exist") from error
+        # Tools write where the image was when the map was saved, on another machine perhaps.
+        beside = path.with_name(image_path.name)
+        hint = f"; beside the file there is {beside.name}" if beside.is_file() else ""
+        raise InputError(f"{where}: does not exist{hint}") from error
     except Image.DecompressionBombError as error:
         raise InputError(f"{where}: must have at most {MAX_PIXELS} pixels") from error
     except UNREADABLE as error:

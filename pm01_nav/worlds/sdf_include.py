@@ -124,6 +124,7 @@ class ModelFolders:
             # As Gazebo does, with what is no address after all.
             yield from ((root, name) for root in self._roots if not name.startswith("/"))
         elif scheme in ("model", "package"):
+            name = name.lstrip("/")
             yield from ((root, name) for root in self._roots)
             yield from self._in_package(name)
         elif scheme in ("http", "https"):

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from pm01_nav.cli import COMMANDS
+from pm01_nav.cli.options import task_from_options
+from pm01_nav.task.tasks import task_config
 
 PM01 = str(Path(sys.executable).with_name("pm01"))
 SMALL = [
@@ -100,6 +102,14 @@ WRONG = {
         "algo = 'dqn'",
     ),
     "no map": (["train", "--task", "map", "--out", "x"], "map: .*--map"),
+    "region without a map": (
+        ["evaluate", "goal_seeking", "--task", "static", "--region", "0 0 5 5"],
+        r"region: is for own worlds \(task map\), not for the suite static",
+    ),
+    "half a region": (
+        ["train", "--task", "map", "--map", "no.yaml", "--region", "0 0 5", "--out", "x"],
+        "--region '0 0 5': must be four numbers",
+    ),
     "missing map": (
         ["train", "--task", "map", "--map", "no.yaml", "--out", "x"],
         r"no\.yaml: cannot be read",
@@ -232,6 +242,32 @@ def write_trap(folder: Path) -> None:
     (folder / "trap.yaml").write_text(
         "{image: trap.pgm, mode: trinary, resolution: 0.1, origin: [0.0, 0.0, 0], negate: 0, "
         "occupied_thresh: 0.65, free_thresh: 0.25}\n"
+    )
+
+
+def test_region_of_a_map(tmp_path):
+    write_trap(tmp_path)
+    arguments = ["evaluate", "goal_seeking", "--task", "map", "--map", "trap.yaml"]
+    arguments += ["--episodes", "20", "--json", "-"]
+    # To the left of the wall, which ends at x = 4 m, nothing stands in the way.
+    done = pm01(*arguments, "--region", "0 0 3.9 6.4", cwd=tmp_path)
+    assert json.loads(done.stdout)["success_rate"] == 1.0
+    assert "trap.yaml: read 80 x 80 cells of 0.1 m: 99.0 % free" in done.stderr
+    refused = pm01(*arguments, "--region", "9 0 12 6", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.splitlines()[-1].startswith("error: region = 9 0 12 6: lies beside world")
+
+
+def test_a_region_goes_with_its_map():
+    base = task_config("map").model_copy(update={"map": "a.yaml", "region": (0, 0, 1, 1)})
+    keys = {"task": None, "config_file": None, "changes": ()}
+    assert task_from_options(base, **keys).region == (0, 0, 1, 1)
+    assert task_from_options(base, **keys, map_="b.yaml").region is None
+    assert task_from_options(base, **keys, map_="b.yaml", region=(1, 1, 2, 2)).region == (
+        1,
+        1,
+        2,
+        2,
     )
 
 

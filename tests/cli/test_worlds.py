@@ -45,8 +45,7 @@ def test_show_draws_a_file_and_says_where_the_robot_gets_to(office: Path) -> Non
         "drives in x 0 to 10 m, y 0 to 10 m",
         "holds a map",
         "pm01 needs 0.27 m around its centre: starts and goals lie in 29.2 m²",
-        "not connected: 1.8 m², pieces: 1; the largest, 1.8 m², is had by "
-        '--region "8.4 6.3 9.7 7.7"',
+        'not connected: 1.8 m², pieces: 1; the largest, 1.8 m², lies within "8.4 6.3 9.7 7.7"',
         f"wrote {sheet}",
     ]
     with Image.open(sheet) as picture:

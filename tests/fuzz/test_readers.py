@@ -30,6 +30,7 @@ from pm01_nav.worlds.dynabarn import read_dynabarn
 from pm01_nav.worlds.files import read_world
 from pm01_nav.worlds.grid import MAX_COORDINATE
 from pm01_nav.worlds.pool import find_places
+from pm01_nav.worlds.region import drive_within, starts_outside
 from pm01_nav.worlds.world import MAX_OBSTACLES, World
 
 EXAMPLES = int(os.environ.get("PM01_FUZZ_EXAMPLES", "60"))
@@ -349,6 +350,8 @@ def check(world: World) -> None:
         except InputError:
             return
         assert len(places.goals) > 0
+        warning = starts_outside(world, places.starts)
+        assert warning is None or "\n" not in warning
 
 
 def drive(seen: Seen, reader: str, read: Callable[[], Iterable[World]]) -> None:
@@ -393,6 +396,33 @@ def test_yaml_world(folder: Path, seen: Seen, content: bytes) -> None:
     path = folder / "world.yaml"
     path.write_bytes(content)
     drive(seen, "yaml world", lambda: [read_world(path)])
+
+
+map_files = st.builds(
+    lambda origin, negate, thresholds, mode: (
+        f"image: map.pgm\nresolution: 0.5\norigin: [{origin}]\nnegate: {negate}\n"
+        f"free_thresh: {thresholds[0]}\noccupied_thresh: {thresholds[1]}\nmode: {mode}\n"
+    ).encode(),
+    st.lists(numbers, min_size=3, max_size=3).map(lambda row: ", ".join(map(repr, row))),
+    st.sampled_from(["0", "1", "true", "2"]),
+    st.lists(st.floats(0, 1), min_size=2, max_size=2).map(sorted),
+    st.sampled_from(["trinary", "scale", "raw", "Trinary", "none"]),
+)
+
+
+@fuzz
+@given(content=map_files, region=st.none() | st.tuples(numbers, numbers, numbers, numbers))
+def test_turned_map(
+    folder: Path, seen: Seen, content: bytes, region: tuple[float, float, float, float] | None
+) -> None:
+    (folder / "map.yaml").write_bytes(content)
+    (folder / "map.pgm").write_bytes(PGM)
+
+    def read() -> list[World]:
+        world = read_world(folder / "map.yaml")
+        return [world if region is None else drive_within(world, region)]
+
+    drive(seen, "turned map", read)
 
 
 @fuzz

@@ -79,6 +79,18 @@ def test_lawn_outside_a_house_is_warned_of(door: float) -> None:
     assert starts_outside(world, starts(part)) is None
 
 
+def test_region_that_holds_more_lawn_than_room_is_not_suggested() -> None:
+    # An L of corridors 2 m wide and 12 m long: in the rectangle around it there is mostly lawn.
+    walls = np.ones((400, 400), dtype=np.uint8)
+    walls[60:102, 60:302] = walls[60:302, 60:102] = 2
+    cells = (walls == 2).astype(np.uint8)
+    cells[61:101, 61:301] = cells[61:301, 61:101] = 0
+    world = World("angle", (0, 0, 20, 20), grid=OccupancyGrid(cells, 0.05, (0, 0), closed=True))
+    warning = starts_outside(world, starts(world))
+    assert warning is not None
+    assert warning.endswith("says where to drive")
+
+
 def test_what_nobody_has_seen_is_no_lawn() -> None:
     world = house(0.0, seen=False)
     assert starts_outside(world, starts(world)) is None

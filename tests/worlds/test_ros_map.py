@@ -276,6 +276,13 @@ def test_missing_image(tmp_path: Path) -> None:
     refused(path, "map.pgm", "does not exist")
 
 
+def test_image_that_lies_elsewhere(tmp_path: Path) -> None:
+    refused(
+        write(tmp_path, image="/home/somebody/maps/map.pgm"),
+        "does not exist; beside the file there is map.pgm",
+    )
+
+
 @pytest.mark.parametrize(
     "image",
     [PGM[:-1], b"P5 3 2 100\n" + PIXELS[:4], png("L", [0, 255])[:-25], b"", b"P5 0 2 255\n"],

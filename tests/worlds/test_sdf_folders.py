@@ -49,7 +49,8 @@ def test_usual_folders(tmp_path: Path, folder: str) -> None:
     with pytest.raises(InputError, match=r"no such model .*give its folder \(--models DIR\)"):
         world(tmp_path)
     crate(tmp_path / folder / "crate")
-    assert centres(world(tmp_path)) == [[1.0, 0.0]]
+    for uri in ("model://crate", "model:///crate", "model://crate/", "model://crate/model.sdf"):
+        assert centres(world(tmp_path, uri)) == [[1.0, 0.0]]
 
 
 @pytest.mark.parametrize("variable", VARIABLES)

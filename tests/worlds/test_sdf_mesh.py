@@ -114,6 +114,13 @@ def test_floor_of_a_building_is_left_out() -> None:
     assert area(plan).area == pytest.approx(0.2 * 5.0 + 0.4 * 5.0, abs=1e-4)
 
 
+def test_carpet_is_floor() -> None:
+    carpet, deeper = block(0.0, 0.0, (0.5, 0.5, 0.02)), block(0.0, 0.0, (3.0, 3.0, 0.1), z=-0.1)
+    assert plan_of(carpet).has_floor
+    assert not plan_of(deeper).has_floor
+    assert plan_of(carpet).polygons == []
+
+
 def test_round_hull_at_its_widest() -> None:
     # A ball of radius 0.5 m around (0, 0, 0.6): widest in the band at 0.5 m, where its radius is
     # sqrt(0.25 - 0.01) = 0.4899; the mesh lies up to 1 mm inside of it.

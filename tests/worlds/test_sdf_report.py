@@ -89,7 +89,7 @@ def test_what_is_lost_is_said_first_and_above_half_refused(tmp_path: Path) -> No
     with pytest.raises(InputError, match=r"read 1 of 3 shapes; lost: heightmap .*: --partial"):
         read(tmp_path, text)
     assert len(read(tmp_path, text, partial=True).world.polygons) == 1
-    with pytest.raises(InputError, match=r"holds no obstacle .*\(read 0 of 1 shapes; lost: heigh"):
+    with pytest.raises(InputError, match=r"holds no obstacle .*\(read 0 of 1 shapes; lost: height"):
         read(tmp_path, sdf(LOST), partial=True)
 
 
