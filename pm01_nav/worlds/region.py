@@ -89,7 +89,11 @@ def _enclosure(world: World) -> _Enclosure | None:
         return None
     area = world.bounds if grid is None else grid.free_extent or world.bounds
     bounds = (area[0] - DOORWAY, area[1] - DOORWAY, area[2] + DOORWAY, area[3] + DOORWAY)
-    space = free_space(replace(world, bounds=bounds, grid=opened or world.grid), DOORWAY / 2.0)
+    try:
+        wider = replace(world, bounds=bounds, grid=opened or world.grid)
+    except InputError:  # It is as large, or as far out, as a world may be.
+        return None
+    space = free_space(wider, DOORWAY / 2.0)
     regions = space.regions()
     outside = np.isin(regions, np.unique(_edge(regions)[_edge(regions) > 0]))
     rooms = space.free & ~outside

@@ -124,8 +124,10 @@ def read_map(path: str | Path) -> Reading:
 def _summary(cells: NDArray[np.uint8], settings: MapFile) -> str:
     """Say how large a map is, and what share of it is what."""
     height, width = cells.shape
-    counts = np.bincount(cells.ravel(), minlength=3)
-    shares = [f"{100.0 * counts[k] / cells.size:.1f} % {NAMES[k]}" for k in range(3)]
+    counts = [int(np.count_nonzero(cells == kind)) for kind in (FREE, OCCUPIED, UNKNOWN)]
+    shares = [
+        f"{100.0 * n / cells.size:.1f} % {name}" for n, name in zip(counts, NAMES, strict=True)
+    ]
     turned = f", turned by {settings.origin[2]:.4g} rad" if settings.origin[2] else ""
     size = f"{width} x {height} cells of {settings.resolution:g} m{turned}"
     return f"read {size}: {', '.join(shares)}"
@@ -180,14 +182,19 @@ def _cells(pixels: NDArray[np.integer], has_alpha: bool, settings: MapFile) -> N
     colours = pixels[:, :, :3]
     # As in the map server, alpha counts as one more channel in trinary mode and only there.
     averaged = pixels if settings.mode == "trinary" else colours
-    cells = _levels(averaged.shape[2] * full, settings)[averaged.sum(axis=2, dtype=np.uint16)]
+    cells = _levels(averaged.shape[2] * full, settings)[_total(averaged)]
     if settings.mode == "trinary":
         never_seen = (255 - NEVER_SEEN if settings.negate else NEVER_SEEN) * full // 255
-        brightness = colours.sum(axis=2, dtype=np.uint16)
-        cells[brightness == colours.shape[2] * never_seen] = UNKNOWN
+        cells[_total(colours) == colours.shape[2] * never_seen] = UNKNOWN
     elif settings.mode == "scale" and has_alpha:
         cells[pixels[:, :, 3] != full] = UNKNOWN
     return cells
+
+
+def _total(channels: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Return the sum of the channels (height, width, n) of each pixel, shape (height, width)."""
+    # Most maps are grey; adding up one number for each of millions of pixels takes its time.
+    return channels[:, :, 0] if channels.shape[2] == 1 else channels.sum(axis=2, dtype=np.uint16)
 
 
 def _levels(brightest: int, settings: MapFile) -> NDArray[np.uint8]:

@@ -106,6 +106,12 @@ def test_corridor_that_ends_at_the_edge_of_a_map_is_not_outside() -> None:
     assert starts_outside(world, starts(world)) is None
 
 
+def test_a_world_at_the_end_of_all_coordinates_is_not_looked_at() -> None:
+    wall = rectangle(1e7 - 5.0, 0.0, 4.0, 4.0)
+    world = World("far", (1e7 - 10.0, -5.0, 1e7, 5.0), polygons=(wall,))
+    assert starts_outside(world, starts(world)) is None
+
+
 def test_margin_around_an_arena_is_warned_of() -> None:
     # Walls of 0.2 m around 6 m x 6 m, with 4 m of margin: more of it than of the arena, which is
     # 20 m² for the robot.
