@@ -93,7 +93,8 @@ class Judge:
     def _note_repetition(self, scan: Scan, since: float) -> None:
         ranges = np.asarray(scan.ranges, dtype=np.float32).tobytes()
         same = ranges == self._ranges and 0.0 < since <= 0.45
-        met = bool((np.isfinite(scan.ranges) & (scan.ranges >= scan.range_min)).any())
+        inside = (scan.ranges >= scan.range_min) & (scan.ranges <= scan.range_max)
+        met = bool(inside.any())
         taken = self.topics["scan"].taken
         if not (same and met):
             self._repeated_s = 0.0

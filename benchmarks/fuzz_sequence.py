@@ -64,6 +64,8 @@ class Sequence:
         # The robot's clock, ahead of ours by U(-1000, 1000) s.
         self.clock = rng.uniform(-1000.0, 1000.0)
         self.our_clock = 0.0
+        self.stepped = 0.0
+        """When the last command was given, by our clock [s]."""
         self.late = {"scan": 0.0, "odometry": 0.0}
         if rng.random() < self.faults.late:
             self.late[str(rng.choice(list(self.late)))] = rng.uniform(0.0, 1.5)
@@ -75,6 +77,8 @@ class Sequence:
         self.queue: list[tuple[float, int, str, Any, float]] = []
         self.count = 0
         self.contacts = 0
+        self.deceived = frozen
+        """Whether a message was another than it should be, not only lost, late or doubled."""
         self.arrived = False
         self.told = Counter[str]()
         self.command = (0.0, 0.0)
@@ -132,13 +136,16 @@ class Sequence:
         if rng.random() < faults.drop or now >= self.silent[kind]:
             return
         message = self._scan(now, tick) if kind == "scan" else self._odometry(now)
+        whole = message
         if rng.random() < faults.foreign:
+            self.deceived = True
             other = foreign(rng, message)
             self._post(kind, replace(other, stamp=message.stamp - 0.01), now)
         if kind == "scan" and self.sick is not None:
             message = corrupted(np.random.default_rng(self.sick), message)
         elif rng.random() < faults.corrupt:
             message = corrupted(rng, message)
+        self.deceived |= message is not whole
         self._post(kind, message, now)
         if rng.random() < faults.double:
             self._post(kind, message, now)
@@ -210,7 +217,10 @@ class Sequence:
     def _step(self, now: float) -> None:
         lost = bool(self.rng.random() < self.faults.transform)
         self.strange.failed = False
-        before = self.command
+        # Who heard nothing for 0.2 s by our clock has been stopped by the watchdog.
+        silent = now + self.our_clock - self.stepped > 0.2
+        before = (0.0, 0.0) if silent else self.command
+        self.stepped = now + self.our_clock
         status = self.controller.step(now + self.our_clock, math.inf if lost else 0.0)
         self.command = status.verdict.command
         reasons = {reason.name for reason in status.verdict.reasons}

@@ -44,7 +44,8 @@ class Job(NamedTuple):
 def run_batch(job: Job) -> dict[str, Any]:
     """Play sequences."""
     robot = robot_with(job.robot, 60 if job.kind == "broken" else 360)
-    total, told, contacts, arrived = Counter[str](), Counter[str](), 0, 0
+    total, told = Counter[str](), Counter[str]()
+    contacts, undeceived, arrived = 0, 0, 0
     examples: list[int] = []
     for seed in job.seeds:
         policy = make_planner("goal_seeking", robot, 0.1) if job.kind == "goals" else None
@@ -52,14 +53,17 @@ def run_batch(job: Job) -> dict[str, Any]:
         sequence.run(GOAL_TICKS if policy else None)
         told.update(sequence.told)
         contacts += bool(sequence.contacts)
+        wrong = bool(sequence.contacts) and not sequence.deceived
+        undeceived += wrong
         arrived += sequence.arrived
         total.update(sequence.violations)
-        if sequence.violations or (job.kind != "broken" and sequence.contacts):
+        if sequence.violations or wrong:
             examples.append(seed)
     return {
         "unsafe": total,
         "told": told,
         "contacts": contacts,
+        "undeceived": undeceived,
         "arrived": arrived,
         "examples": examples[:5],
     }
@@ -75,7 +79,8 @@ def run(
     """Play many sequences on so many cores, add up, and ``write`` after each batch."""
     starts = range(0, sequences, BATCH)
     jobs = [Job(range(k, min(k + BATCH, sequences)), robot, kind) for k in starts]
-    unsafe, told, contacts, arrived = Counter[str](), Counter[str](), 0, 0
+    unsafe, told = Counter[str](), Counter[str]()
+    contacts, undeceived, arrived = 0, 0, 0
     examples: list[int] = []
     done, started = 0, time.perf_counter()
     with ProcessPoolExecutor(workers) as pool:
@@ -84,6 +89,7 @@ def run(
             unsafe.update(result["unsafe"])
             told.update(result["told"])
             contacts += result["contacts"]
+            undeceived += result["undeceived"]
             arrived += result["arrived"]
             examples += result["examples"]
             reached = {"goals_reached": arrived} if kind == "goals" else {}
@@ -94,7 +100,9 @@ def run(
                     "sequences": done,
                     "commands": told["DRIVES"] + told["STANDS"],
                     "unsafe_commands": dict(unsafe),
+                    # A lidar that froze less than a second ago, or lies plausibly, hides discs.
                     "sequences_with_contact_while_moving": contacts,
+                    "of_these_with_true_messages": undeceived,
                     **reached,
                     "first_bad_seeds": examples[:5],
                     "told": dict(told.most_common()),

@@ -48,6 +48,8 @@ class ScanCheck:
         self._frozen_s = frozen_s
         self.stamp = math.nan
         """When the newest scan was taken, by the robot's clock [s]."""
+        self._usable_at = math.nan
+        """The same of the newest usable one."""
         self._bits = b""
         """Of its ranges; a copy, since a driver may write into the same array again."""
         self._repeated_s = 0.0
@@ -70,7 +72,7 @@ class ScanCheck:
 
     def see(self, scan: Scan, *, moves: bool) -> bool:
         """Take in a scan, and whether the robot moved before it; tell whether it is usable."""
-        self._note_repetition(scan, moves)
+        self.stamp = scan.stamp
         self.returns, self._seen, self.advice = None, NOTHING_SEEN, None
         if not _is_well_formed(scan):
             return False
@@ -79,6 +81,7 @@ class ScanCheck:
         if valid > 0.0 and valid >= self._valid_share_min:
             self.returns = returns_as_points(clean, self._mount)
             self._seen = seen_share(clean, float(self._mount[2]))
+            self._note_repetition(scan, clean, moves)
         if not self._tells_enough(clean):
             self.advice = _advice(scan, clean)
         return self.returns is not None
@@ -97,20 +100,18 @@ class ScanCheck:
         self.returns, self._seen, self.advice = None, NOTHING_SEEN, None
         self.stamp, self._bits, self._repeated_s = math.nan, b"", 0.0
 
-    def _note_repetition(self, scan: Scan, moves: bool) -> None:
-        """Note for how long scans have been equal to the last bit though something is in range.
+    def _note_repetition(self, scan: Scan, clean: Scan, moves: bool) -> None:
+        """Note for how long usable scans have been equal to the last bit, with something in range.
 
         A lidar in free space repeats itself rightly: no return looks the same from everywhere.
         """
-        ranges = np.asarray(scan.ranges, dtype=np.float32)
-        bits, since = ranges.tobytes(), scan.stamp - self.stamp
-        low, high = np.float32(scan.range_min), np.float32(scan.range_max)
-        met = bool(((ranges >= low) & (ranges <= high) & (ranges != 0.0)).any())
+        bits, since = np.asarray(scan.ranges).tobytes(), scan.stamp - self._usable_at
+        met = bool(np.isfinite(clean.ranges).any())
         if not (met and bits == self._bits and 0.0 < since <= LONGEST_GAP_S):
             self._repeated_s = 0.0
         elif moves:
             self._repeated_s += since
-        self.stamp, self._bits = scan.stamp, bits
+        self._usable_at, self._bits = scan.stamp, bits
 
 
 def _is_well_formed(scan: Scan) -> bool:

@@ -198,6 +198,10 @@ def test_a_lidar_that_repeats_one_scan_while_the_robot_moves_is_broken(moving, m
     assert reasons[11] == (Reason.FROZEN_SCAN,)
     # It stays broken while the robot stands, until the lidar moves on.
     assert moving.see(scan, 0.0) == (Reason.FROZEN_SCAN,)
+    # One that cannot be used in between tells nothing of that.
+    broken = replace(scan, range_max=NAN)
+    assert set(moving.see(broken, 0.0)) == {Reason.INVALID_SCAN, Reason.FROZEN_SCAN}
+    assert moving.see(scan, 0.0) == (Reason.FROZEN_SCAN,)
     assert moving.see(make_scan(0.0, 2.0, beam_7=2.001), 0.0) == ()
 
 
