@@ -123,7 +123,6 @@ def _march(aim: FloatArray, share: float, most: FloatArray, speeds: FloatArray) 
 
 def judge(seed: int) -> dict[str, Any]:
     """Return for each quantity of one drive the truth, what was found and whether it holds."""
-    os.nice(5)
     robot, true, commands, odometry = drive(seed)
     began = time.process_time()
     fit = fit_base(commands, odometry, robot)
@@ -164,8 +163,11 @@ def main() -> None:
     parser.add_argument("--out", required=True)
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.drives)
-    with ProcessPoolExecutor(arguments.jobs) as pool:
-        drives = list(pool.map(judge, seeds))
+    with ProcessPoolExecutor(arguments.jobs, initializer=os.nice, initargs=(1,)) as pool:
+        drives = []
+        for one in pool.map(judge, seeds):
+            drives.append(one)
+            print(f"{len(drives)} of {len(seeds)}", flush=True)
     cpu = [one["cpu_s"] for one in drives]
     write_report(
         arguments.out,

@@ -86,14 +86,16 @@ def fit_drives(drives: Sequence[tuple[FloatArray, FloatArray]], robot: RobotSpec
 
 def _fit(problem: Problem) -> tuple[FloatArray, list[FloatArray]]:
     """Return the best solution and other minima, whatever the robot is described as."""
-    best, others = _refine(problem, _starts(problem))
+    best, others = _refine(problem, _starts(problem), 1e-4)
     # What is noise and what is not shows only now.
     return _refine(problem.scaled(noise_of(problem, best)), [best, *others])
 
 
-def _refine(problem: Problem, starts: list[FloatArray]) -> tuple[FloatArray, list[FloatArray]]:
+def _refine(
+    problem: Problem, starts: list[FloatArray], tolerance: float = 1e-6
+) -> tuple[FloatArray, list[FloatArray]]:
     """Return the best of the minima that the starts lead to, and the others."""
-    found = sorted((problem.solve(start) for start in starts), key=lambda one: one[1])
+    found = sorted((problem.solve(start, tolerance) for start in starts), key=lambda one: one[1])
     return found[0][0], [solution for solution, _ in found[1:KEPT_MINIMA]]
 
 

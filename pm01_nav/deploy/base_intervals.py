@@ -25,6 +25,8 @@ STAMP_S, STAMP_SHARE = 0.001, 0.05
 have steps of their own."""
 FACTOR_SHARE, LIMIT_SHARE = 0.002, 0.01
 """Nor other quantities better than this: stamps that jitter round the corners of every answer."""
+MOMENTS = 3.0
+"""What shows in fewer blocks may be chance."""
 AT_LIMIT = "the base drove at its limit of speed nearly whenever it was asked to drive"
 TIMES = ("command_delay_s", "actuator_lag")
 CLEAR = {"factor": 0.1, "s": 0.3, "acceleration": 3.0, "limit": 1.2}
@@ -46,11 +48,10 @@ def intervals(
     """Return all estimates, and for those that are not known the reason."""
     draws = _draws(problem, best, others)
     half = 1.96 * _spread(problem, best)
-    count = len(np.unique(blocks(problem)[problem.used]))
-    wider = _student(count) * np.sqrt(count / max(count - 1, 1))
+    moments = _moments(problem, best)
     estimates, not_shown = {}, {}
     for k, name in enumerate(NAMES):
-        value = float(best[k])
+        value, wider = float(best[k]), _student(moments[k])
         low, high = np.quantile(draws[:, k], [0.025, 0.975], method="closest_observation")
         low = value + wider * (min(low, value) - value)
         high = value + wider * (max(high, value) - value)
@@ -61,6 +62,8 @@ def intervals(
             low, high = min(low, value - half[k]), max(high, value + half[k])
         found = _physical(problem, name, Estimate(value, float(low), float(high)))
         reason = _reason(problem, name, found)
+        if not reason and moments[k] < MOMENTS:
+            reason = "it shows in one or two moments only"
         if reason:
             not_shown[name] = reason
         estimates[name] = found
@@ -130,10 +133,10 @@ def _refit(problem: Problem, start: _Start, weights: FloatArray) -> FloatArray:
     return now
 
 
-def _jacobian(problem: Problem, parameters: FloatArray) -> FloatArray:
-    """Return the change of the residuals with each parameter."""
+def _jacobian(problem: Problem, parameters: FloatArray, share: float = 0.01) -> FloatArray:
+    """Return the change of the residuals with each parameter, by steps of a share of STEPS."""
     base, columns = problem.residuals(parameters), []
-    for k, step in enumerate(0.01 * STEPS):
+    for k, step in enumerate(share * STEPS):
         moved = parameters.copy()
         moved[k] += step if parameters[k] + step < HIGH[k] else -step
         columns.append((problem.residuals(moved) - base) / (moved[k] - parameters[k]))
@@ -165,7 +168,8 @@ def _idle_as_infinite(problem: Problem, solution: FloatArray) -> FloatArray:
 
 def _spread(problem: Problem, best: FloatArray) -> FloatArray:
     """Return the standard error of each parameter with next to no prior."""
-    jacobian = _jacobian(replace(problem, prior_weight=WEAK), best)
+    # With larger steps the corners of answers would tell apart what only they tell.
+    jacobian = _jacobian(replace(problem, prior_weight=WEAK), best, 1e-5)
     seen = np.abs(jacobian).max(axis=0) > 1e-9
     spread = np.full(len(best), np.inf)
     shown = jacobian[:, seen]
@@ -173,11 +177,21 @@ def _spread(problem: Problem, best: FloatArray) -> FloatArray:
     return spread
 
 
-def _student(count: int) -> float:
+def _moments(problem: Problem, best: FloatArray) -> FloatArray:
+    """Return in how many blocks each parameter shows, by Kish's effective number of weights."""
+    number = blocks(problem)[problem.used]
+    rows = _jacobian(problem, best)[: 2 * len(number)] ** 2
+    told = np.zeros((int(number.max()) + 1, len(best)))
+    np.add.at(told, np.repeat(number, 2), rows)
+    return told.sum(axis=0) ** 2 / np.maximum((told**2).sum(axis=0), 1e-30)
+
+
+def _student(count: float) -> float:
     """Return by how much an interval from ``count`` blocks is wider than one from many."""
     from scipy.stats import t
 
-    return float(t.ppf(0.975, max(count - 1, 1)) / 1.96)
+    freedom = max(count - 1.0, 0.5)
+    return float(t.ppf(0.975, freedom) / 1.96 * np.sqrt((freedom + 1.0) / freedom))
 
 
 def _floor(problem: Problem, name: str, value: float) -> float:
@@ -201,7 +215,13 @@ def _reason(problem: Problem, name: str, found: Estimate) -> str:
         known = found.high - found.low < 2.0 * CLEAR["factor"]
         return "" if known else "too little driving, or too little turning"
     if name.endswith("_acceleration"):
-        known = found.low > 0.0 and found.high / found.low < CLEAR["acceleration"]
+        axis = NAMES.index(name) - 5
+        # A change that is over before the next odometry shows no limit.
+        seen = (
+            max(problem.asked[:2] if axis == 0 else problem.asked[2:])
+            > found.value * problem.period
+        )
+        known = found.low > 0.0 and found.high / found.low < CLEAR["acceleration"] and seen
         return "" if known else "the drive never reached it, or not clearly"
     if name in ("linear_max", "linear_min", "angular_max"):
         asked = problem.asked[NAMES.index(name) - 7]

@@ -13,6 +13,7 @@ from pm01_nav.deploy.base_model import HIGH, LOW, NAMES, Drive, FloatArray, pred
 from pm01_nav.robot import RobotSpec
 
 BoolArray = NDArray[np.bool_]
+MOST_STEPS = 60
 SOFT = 2.0
 """Errors beyond so many standard deviations count by their size, not their square."""
 PRIOR_SCALE, PRIOR_SIDES, PRIOR_SEPARATION, PRIOR_LIMIT = 0.15, 0.1, 0.3, 0.05
@@ -127,8 +128,8 @@ class Problem:
             return parameters, _soft_cost(residuals)
         return parameters, 0.5 * float(residuals @ residuals)
 
-    def solve(self, start: FloatArray, most: int = 60) -> tuple[FloatArray, float]:
-        """Return the minimum downhill from ``start``, and its cost."""
+    def solve(self, start: FloatArray, tolerance: float = 1e-6) -> tuple[FloatArray, float]:
+        """Return the minimum downhill from ``start``, and its cost, to a relative tolerance."""
         from scipy.optimize import least_squares
 
         start = np.clip(start, LOW + 1e-6, HIGH - 1e-6)
@@ -136,12 +137,12 @@ class Problem:
             self.residuals,
             start,
             bounds=(LOW, HIGH),
-            x_scale=STEPS,
+            x_scale="jac",
             loss="soft_l1" if self.weights is None else "linear",
             f_scale=SOFT,
-            max_nfev=most,
-            xtol=1e-7,
-            ftol=1e-7,
+            max_nfev=MOST_STEPS,
+            xtol=1e-9,
+            ftol=tolerance,
         )
         return np.asarray(found.x), float(found.cost)
 

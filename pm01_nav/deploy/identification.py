@@ -19,7 +19,7 @@ from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.perturbation import MAX_COMMAND_DELAY
 from pm01_nav.task.randomization import RandomizationConfig
 
-MIN_COMMANDS, MIN_ODOMETRY = 50, 200
+MIN_COMMANDS, MIN_ODOMETRY = 20, 200
 MOVING = 0.98
 """The quantile of odometry's speeds that tells whether it moved: spikes are rarer."""
 LIMITS = ("linear_max", "linear_min", "angular_max", "linear_acceleration", "angular_acceleration")
