@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from report import write_report
 
 from pm01_nav.task.tasks import task_config
@@ -85,14 +86,14 @@ def measure(case: dict[str, Any], checkpoint_every: float, budget: float) -> dic
         steps = train(config, run, Silent(), started_at=time.perf_counter()).steps
         size = run.last.stat().st_size
     # From the save after the first iteration to the last one, which every run has at its end.
-    seconds = saved.begun[-1] - saved.begun[0]
+    seconds = max(saved.begun[-1] - saved.begun[0], 1e-9)
     return {
         "steps_per_s": steps / seconds,
         "seconds": seconds,
         "saves": len(saved.seconds),
         "share": sum(saved.seconds[1:-1]) / seconds,
         "longest_save_s": max(saved.seconds),
-        "longest_without_s": max(b - a for a, b in zip(saved.begun, saved.begun[1:], strict=False)),
+        "longest_without_s": float(np.diff(saved.begun).max(initial=0.0)),
         "megabytes": size / 1e6,
     }
 
@@ -103,9 +104,11 @@ def main() -> None:
     parser.add_argument("--out", required=True)
     parser.add_argument("--pairs", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=60.0, help="Of each run.")
+    parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES), metavar="CASE")
     arguments = parser.parse_args()
     results = {}
-    for name, case in CASES.items():
+    for name in arguments.cases:
+        case = CASES[name]
         measure(case, NEVER, 0.5 * arguments.seconds)
         kept, never = [], []
         for _ in range(arguments.pairs):

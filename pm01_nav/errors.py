@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors that a user can mend."""
+"""Errors that a user can mend, and what a user should know."""
+
+
+class InputWarning(UserWarning):
+    """Something a person gave us was understood in another way than it is written there."""
 
 
 class InputError(ValueError):

@@ -46,10 +46,12 @@ def trained_task(name: str) -> TaskConfig | None:
         return None
     if Path(name).is_dir():
         return _stored_task(Path(name)).model_copy(update=DESCRIBED)
-    task = OnnxPolicy(policy_file(name)).metadata.get("task")
+    file = policy_file(name)
+    task = OnnxPolicy(file).metadata.get("task")
     if not isinstance(task, dict):
         return None
-    return validate(TaskConfig, task | DESCRIBED, name, inside="task")
+    # A robot from elsewhere is known by its name alone, but beside it is the copy of the run.
+    return validate(TaskConfig, located(task, file.parent) | DESCRIBED, name, inside="task")
 
 
 def _stored_task(folder: Path) -> TaskConfig:

@@ -14,7 +14,7 @@ from pm01_nav.config import merge, validate
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.config import TaskConfig
-from pm01_nav.task.randomization import load_randomization
+from pm01_nav.task.randomization import IN_STEPS, load_randomization
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import FILE_SUITES, world_pool
 from pm01_nav.worlds.suites.frozen import worlds_hash
@@ -62,6 +62,7 @@ class Suite:
         """
         task = self.task.model_dump(mode="json")
         rules = {key: task[key] for key in RULES}
+        rules["randomization"] = _hashed(task["randomization"])
         robot = self.robot.model_dump(mode="json", exclude={"body"})
         contract = rules | {"robot": robot, "seed": self.seed}
         if self.task.backend != "planar":
@@ -152,7 +153,8 @@ def _variation(
     added = ""
     if robot is not None:
         changes["robot"] = robot
-    if randomization is not None and (chosen := load_randomization(randomization)) is not None:
+    chosen = load_randomization(randomization or "off", task.control_dt)
+    if randomization is not None and chosen is not None:
         changes["randomization"] = chosen.model_dump()
         added += f"+{_stem(randomization)}"
     if backend is not None and backend != task.backend:
@@ -163,6 +165,17 @@ def _variation(
 
 def _changed(task: TaskConfig, changes: dict[str, Any]) -> TaskConfig:
     return validate(TaskConfig, merge(task.model_dump(), changes), f"suite {task.name}")
+
+
+def _hashed(randomization: dict[str, Any] | None) -> dict[str, Any] | None:
+    """Return ranges as they were hashed when delays were counted in steps, where there are none.
+
+    The episodes are still the same, and so is their hash.
+    """
+    if randomization is None or any(max(randomization[f"{name}_s"]) > 0.0 for name in IN_STEPS):
+        return randomization
+    kept = {k: v for k, v in randomization.items() if k.removesuffix("_s") not in IN_STEPS}
+    return kept | {"command_delay": [0, 0], "scan_delay": [0, 0], "scan_sweep": [0.0, 0.0]}
 
 
 def _stem(path: str) -> str:

@@ -60,7 +60,7 @@ SWEEPS: dict[str, Sweep] = {
         "beams without a return", "static", (0.0, 0.1, 0.3, 0.5, 0.8), _fixed("lidar_dropout")
     ),
     "command_delay": Sweep(
-        "delay of commands [control steps]", "static", (0, 1, 2, 3), _fixed("command_delay")
+        "delay of commands [s]", "static", (0.0, 0.1, 0.2, 0.3), _fixed("command_delay_s")
     ),
     "odometry_drift": Sweep(
         "drift of the heading [rad/m]",

@@ -6,6 +6,7 @@ from __future__ import annotations
 import importlib
 import sys
 import time
+import warnings
 
 STARTED_AT = time.perf_counter()
 """When the command began; a time budget counts from here, imports and all."""
@@ -17,7 +18,7 @@ except ImportError:
     raise SystemExit(2) from None
 
 from pm01_nav import __version__  # noqa: E402
-from pm01_nav.errors import InputError  # noqa: E402
+from pm01_nav.errors import InputError, InputWarning  # noqa: E402
 from pm01_nav.openmp import wait_briefly  # noqa: E402
 
 wait_briefly()
@@ -72,8 +73,25 @@ def pm01() -> None:
 
 def main() -> None:
     """Run the command line; a mistake in the input ends it with one line and exit code 2."""
+    warnings.formatwarning = _one_line
     try:
         pm01()
     except InputError as error:
         click.echo(f"error: {error}", err=True)
         raise SystemExit(2) from None
+
+
+def _one_line(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    line: str | None = None,
+) -> str:
+    """Show a warning about somebody's input without the line of our code that found it."""
+    if issubclass(category, InputWarning):
+        return f"warning: {message}\n"
+    return _as_usual(message, category, filename, lineno, line)
+
+
+_as_usual = warnings.formatwarning

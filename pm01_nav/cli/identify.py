@@ -23,13 +23,11 @@ if TYPE_CHECKING:
 @click.option("--cmd-vel", default="/cmd_vel", show_default=True, metavar="TOPIC")
 @click.option("--from", "begin", type=float, metavar="S", help="Leave out what is before.")
 @click.option("--to", "end", type=float, metavar="S", help="And after: seconds of each bag.")
-@click.option("--control-dt", default=0.1, show_default=True, metavar="S", help="A control step.")
 @click.option("--plot", metavar="FILE", help="A .png of measured and predicted speeds.")
 def command(
     bags: tuple[str, ...],
     output: str,
     robot: str,
-    control_dt: float,
     plot: str | None,
     **source: Any,
 ) -> None:
@@ -76,7 +74,7 @@ def command(
     # Both are made and checked before either is written.
     texts = {
         path: origin + to_yaml(identified_robot(spec, found.estimates)),
-        ranges: origin + to_yaml(identified_ranges(spec, found.estimates, control_dt)),
+        ranges: origin + to_yaml(identified_ranges(spec, found.estimates)),
     }
     _print(found, described(spec), [one.begin for one in recordings], Console())
     for file, text in texts.items():

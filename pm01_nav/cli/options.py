@@ -181,7 +181,7 @@ def task_from_options(
     data = merge(data, {} if task and named.get("name", task) != task else named)
     data |= {key.rstrip("_"): value for key, value in keys.items() if value is not None}
     if randomization is not None:
-        chosen = load_randomization(randomization)
+        chosen = load_randomization(randomization, data["control_dt"])
         data["randomization"] = None if chosen is None else chosen.model_dump()
     return validate(TaskConfig, data, config_file or "configuration", inside="task")
 
@@ -195,12 +195,23 @@ def given_settings(config_file: str | None, changes: tuple[str, ...]) -> dict[st
     from pm01_nav.config import merge
     from pm01_nav.documents import load_yaml
     from pm01_nav.task.given_files import located
+    from pm01_nav.task.randomization import CONTROL_DT, in_seconds
 
     settings = load_yaml(config_file) if config_file else {}
     if config_file and isinstance(settings.get("task"), dict):
         settings["task"] = located(settings["task"], Path(config_file).parent)
     settings = merge(settings, parse_changes(changes))
-    _only_sections(settings, config_file or "--set")
+    source = config_file or "--set"
+    _only_sections(settings, source)
+    task = settings.get("task") or {}
+    if isinstance(task.get("randomization"), dict):
+        # Before it is merged with what a task has, in seconds.
+        ranges = in_seconds(
+            task["randomization"],
+            task.get("control_dt", CONTROL_DT),
+            f"{source}: task.randomization",
+        )
+        settings["task"] = {**task, "randomization": ranges}
     return settings
 
 

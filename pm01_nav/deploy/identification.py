@@ -16,13 +16,19 @@ from pm01_nav.deploy.recording import Recording
 from pm01_nav.deploy.scan_check import by_rep_117
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim.perturbation import MAX_COMMAND_DELAY
 from pm01_nav.task.randomization import RandomizationConfig
 
 MIN_COMMANDS, MIN_ODOMETRY = 20, 200
 MOVING = 0.98
 """The quantile of odometry's speeds that tells whether it moved: spikes are rarer."""
 LIMITS = ("linear_max", "linear_min", "angular_max", "linear_acceleration", "angular_acceleration")
+TOLD_AS_THEY_ARE = (
+    "command_delay_s",
+    "actuator_lag",
+    "lidar_noise_std",
+    "lidar_noise_share",
+    "lidar_dropout",
+)
 TOO_LITTLE_REST = "too few scans at rest"
 TOO_LITTLE_MATCH = "scans do not tell the way between them: too little motion, or too little to see"
 LIDAR_REASONS = {
@@ -111,9 +117,7 @@ def identified_robot(robot: RobotSpec, estimates: dict[str, Estimate]) -> dict[s
     return data
 
 
-def identified_ranges(
-    robot: RobotSpec, estimates: dict[str, Estimate], control_dt: float
-) -> dict[str, Any]:
+def identified_ranges(robot: RobotSpec, estimates: dict[str, Estimate]) -> dict[str, Any]:
     """Return ranges for ``--randomization``: the intervals of what was identified."""
     travel = estimates.get("travel_scale", Estimate(1.0, 1.0, 1.0))
     turn = estimates.get("turn_scale", Estimate(1.0, 1.0, 1.0))
@@ -128,16 +132,12 @@ def identified_ranges(
     if "linear_acceleration" in estimates:
         known, nominal = estimates["linear_acceleration"], robot.limits.linear_acceleration
         ranges["acceleration_factor"] = (known.low / nominal, known.high / nominal)
-    for name in ("actuator_lag", "lidar_noise_std", "lidar_noise_share", "lidar_dropout"):
+    for name in TOLD_AS_THEY_ARE:
         if name in estimates:
             ranges[name] = estimates[name][1:]
     if "travel_scale" in estimates:
         ranges["odometry_scale"] = (1.0 / travel.high, 1.0 / travel.low)
     data: dict[str, Any] = {name: _allowed(name, *limits) for name, limits in ranges.items()}
-    if "command_delay_s" in estimates:
-        delay = estimates["command_delay_s"]
-        steps = [round(value / control_dt) for value in delay[1:]]
-        data["command_delay"] = [min(step, MAX_COMMAND_DELAY) for step in steps]
     # Checked before it is written: a training must be able to read it.
     validate(RandomizationConfig, data, "ranges")
     return data

@@ -64,7 +64,7 @@ class SimulatedRobot:
         how = {"control_dt": dt, "goal_distance": (2.0, 1e9)}
         self._simulator = make_simulator(backend, NUMPY, robot, pool, 1, **how)
         if randomization is not None:
-            self._simulator.perturb(randomization.ranges(robot))
+            self._simulator.perturb(randomization.ranges(robot, dt))
         self._simulator.seed([seed])
         self.time = 0.0
         """[s]; a reset does not turn it back."""

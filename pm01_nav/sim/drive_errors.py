@@ -20,16 +20,34 @@ def begin_commands(errors, i):
 
 
 @compiled
-def delayed(errors, drawn, i, command):
-    """Take in a command (num_envs, 2); return v, w of the one that arrives at the base now."""
-    history, delay = errors.command_history, int(drawn.command_delay[i])
+def delayed(errors, drawn, i, command, base):
+    """Take in a command (num_envs, 2); return v, w that the base is told in this step.
+
+    Within a step in which another command arrives it is the mean of the two, each weighted with the
+    time for which it counts, so that the travel is right.
+    """
+    history = errors.command_history
+    whole = int(drawn.command_delay[i])
+    part = drawn.command_delay[i] - whole
     linear, angular = command[i, 0], command[i, 1]
-    if delay > 0:
-        linear, angular = history[i, delay - 1, 0], history[i, delay - 1, 1]
+    if whole > 0:
+        linear, angular = history[i, whole - 1, 0], history[i, whole - 1, 1]
+    linear, angular = within(linear, angular, base)
+    if part > 0.0:
+        before = within(history[i, whole, 0], history[i, whole, 1], base)
+        linear += part * (before[0] - linear)
+        angular += part * (before[1] - angular)
     for age in range(history.shape[1] - 1, 0, -1):
         history[i, age, 0], history[i, age, 1] = history[i, age - 1, 0], history[i, age - 1, 1]
     history[i, 0, 0], history[i, 0, 1] = command[i, 0], command[i, 1]
     return linear, angular
+
+
+@compiled
+def within(linear, angular, base):
+    """Return v, w kept within the limits of the base."""
+    linear = clip(linear, base.linear_min, base.linear_max)
+    return linear, clip(angular, -base.angular_max, base.angular_max)
 
 
 @compiled
@@ -39,9 +57,7 @@ def drive(errors, drawn, i, command, base, key, count):
     The controller turns (v, w) into wheel speeds with the nominal radius and separation; the
     ground turns them back with the true ones. The nominal radius cancels.
     """
-    linear, angular = delayed(errors, drawn, i, command)
-    linear = clip(linear, base.linear_min, base.linear_max)
-    angular = clip(angular, -base.angular_max, base.angular_max)
+    linear, angular = delayed(errors, drawn, i, command, base)
     across = 0.5 * base.wheel_separation * angular
     left, right = linear - across, linear + across
     left *= drawn.wheel_left_factor[i] * grip(drawn, i, key, count)

@@ -113,13 +113,18 @@ def drop(drawn, lidar, ranges, key, count, i):
 
 @compiled
 def hand_out(state, errors, drawn, i, lidar, first):
-    """Lose what lies beyond the lidar's own reach, and exchange a late scan for the last one.
+    """Lose what lies beyond the lidar's own reach, and exchange a late scan for an earlier one.
 
-    The ``first`` scan of an episode is both shown and kept.
+    The ``first`` scan of an episode is shown, and stands for all that would be before it.
     """
     longest = np.float32(lidar.range_max)
-    late, waiting = drawn.scan_delay[i] > 0.0, errors.waiting_ranges
-    for k in range(np.uint64(state.ranges.shape[1])):
+    waiting, beams = errors.waiting_ranges, state.ranges.shape[1]
+    kept = waiting.shape[1] // beams
+    late = int(drawn.scan_delay[i])
+    shown = (late - 1) * beams
+    for k in range(np.uint64(beams)):
         measured = state.ranges[i, k] if state.ranges[i, k] <= longest else np.float32(np.inf)
-        state.ranges[i, k] = waiting[i, k] if late and not first else measured
+        state.ranges[i, k] = waiting[i, shown + k] if late > 0 and not first else measured
+        for age in range(kept - 1, 0, -1):
+            waiting[i, age * beams + k] = measured if first else waiting[i, (age - 1) * beams + k]
         waiting[i, k] = measured

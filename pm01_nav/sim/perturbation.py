@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +14,8 @@ from pm01_nav.sim.random import bits, uniform
 from pm01_nav.sim.state import padded
 
 FloatArray = NDArray[np.float64]
-MAX_COMMAND_DELAY = 3
-"""Control steps that a command may be late."""
+LEAST_COMMANDS = 3
+"""So many commands are kept at least, as they are in the checkpoints of early versions."""
 SLICES = 8
 """Parts of a scan that are cast from places of their own while the robot moves."""
 
@@ -23,7 +24,8 @@ class Perturbation(NamedTuple):
     """One number for each quantity that can be off, or its range.
 
     What the episodes drew: arrays of shape (num_envs,). What they draw from: least and greatest,
-    shape (2,). Meanings and units stand in ``RandomizationConfig``, which has the same names.
+    shape (2,). Meanings and units stand in ``RandomizationConfig``, which has the same names, but
+    for what takes time while the robot drives: here it counts in control steps of the simulator.
     """
 
     wheel_left_factor: FloatArray
@@ -32,6 +34,7 @@ class Perturbation(NamedTuple):
     acceleration_factor: FloatArray
     actuator_lag: FloatArray
     command_delay: FloatArray
+    """[control steps], which need not be whole."""
     slip: FloatArray
     slip_noise: FloatArray
     control_jitter: FloatArray
@@ -45,7 +48,9 @@ class Perturbation(NamedTuple):
     dark_share: FloatArray
     dark_range: FloatArray
     scan_delay: FloatArray
+    """[control steps]; what is drawn is whole."""
     scan_sweep: FloatArray
+    """[control steps]"""
     odometry_scale: FloatArray
     odometry_drift_per_m: FloatArray
     odometry_drift_per_rad: FloatArray
@@ -61,7 +66,7 @@ class ErrorState(NamedTuple):
     command: FloatArray
     """v, w that the base aims at, errors of the wheels included [m/s, rad/s], (num_envs, 2)."""
     command_history: FloatArray
-    """The latest commands, newest first, shape (num_envs, MAX_COMMAND_DELAY, 2)."""
+    """The latest commands, newest first, as many as may be on their way, (num_envs, n, 2)."""
     odometry_pose: FloatArray
     """Where the robot believes to be: x, y, yaw in the world [m, m, rad], (num_envs, 3)."""
     odometry_goal: FloatArray
@@ -71,24 +76,27 @@ class ErrorState(NamedTuple):
     measured_twist: FloatArray
     """v, w as odometry says [m/s, rad/s], shape (num_envs, 2)."""
     waiting_ranges: NDArray[np.float32]
-    """The latest ranges, which are yet to be shown where scans are delayed, like ``ranges``."""
+    """The latest ranges, newest first, as many as may be on their way, side by side: shape
+    (num_envs, n x beams of ``ranges``)."""
     dark_ranges: NDArray[np.float32]
     """Ranges of dark obstacles alone, like ``SimState.ranges``; used within a step."""
     slice_pose: FloatArray
     """x, y, cos, sin of the lidar for each part of a scan; used within a step."""
 
 
-def new_errors(num_envs: int, num_beams: int) -> ErrorState:
-    """Return a state of zeros."""
+def new_errors(num_envs: int, num_beams: int, ranges: Perturbation) -> ErrorState:
+    """Return a state of zeros, with room for the longest delays of ``ranges``."""
+    commands = max(math.ceil(ranges.command_delay[1]), LEAST_COMMANDS)
+    scans = max(math.floor(ranges.scan_delay[1] + 0.5), 1)
     return ErrorState(
         dark_key=np.zeros(num_envs, dtype=np.uint64),
         command=np.zeros((num_envs, 2)),
-        command_history=np.zeros((num_envs, MAX_COMMAND_DELAY, 2)),
+        command_history=np.zeros((num_envs, commands, 2)),
         odometry_pose=np.zeros((num_envs, 3)),
         odometry_goal=np.zeros((num_envs, 2)),
         measured_goal=np.zeros((num_envs, 2)),
         measured_twist=np.zeros((num_envs, 2)),
-        waiting_ranges=np.zeros((num_envs, padded(num_beams)), dtype=np.float32),
+        waiting_ranges=np.zeros((num_envs, scans * padded(num_beams)), dtype=np.float32),
         dark_ranges=np.zeros((num_envs, padded(num_beams)), dtype=np.float32),
         slice_pose=np.zeros((num_envs, SLICES, 4)),
     )
@@ -111,24 +119,18 @@ def between(limits, key, count, i):
     return limits[0] + (limits[1] - limits[0]) * uniform(key, count, i)
 
 
-@compiled
-def whole_between(limits, key, count, i):
-    """Draw one of the whole numbers least, ..., greatest, all equally likely."""
-    return limits[0] + np.floor((limits[1] - limits[0] + 1.0) * uniform(key, count, i))
-
-
 @compiled(inline=False)
 def draw_errors(errors, drawn, ranges, key, count, i):
     """Draw what is wrong in the next episode of environment i; the last episode leaves no trace."""
     p, r = drawn, ranges
-    # All are U(least, greatest) of their range, but for the two delays: whole numbers, each
-    # equally likely.
+    # All are U(least, greatest) of their range; scans, of which there is one a step, are late by
+    # whole steps, the nearest to what was drawn.
     p.wheel_left_factor[i] = between(r.wheel_left_factor, key, count, i)
     p.wheel_right_factor[i] = between(r.wheel_right_factor, key, count, i)
     p.wheel_separation_factor[i] = between(r.wheel_separation_factor, key, count, i)
     p.acceleration_factor[i] = between(r.acceleration_factor, key, count, i)
     p.actuator_lag[i] = between(r.actuator_lag, key, count, i)
-    p.command_delay[i] = whole_between(r.command_delay, key, count, i)
+    p.command_delay[i] = between(r.command_delay, key, count, i)
     p.slip[i] = between(r.slip, key, count, i)
     p.slip_noise[i] = between(r.slip_noise, key, count, i)
     p.control_jitter[i] = between(r.control_jitter, key, count, i)
@@ -141,7 +143,7 @@ def draw_errors(errors, drawn, ranges, key, count, i):
     p.lidar_yaw_error[i] = between(r.lidar_yaw_error, key, count, i)
     p.dark_share[i] = between(r.dark_share, key, count, i)
     p.dark_range[i] = between(r.dark_range, key, count, i)
-    p.scan_delay[i] = whole_between(r.scan_delay, key, count, i)
+    p.scan_delay[i] = np.floor(between(r.scan_delay, key, count, i) + 0.5)
     p.scan_sweep[i] = between(r.scan_sweep, key, count, i)
     p.odometry_scale[i] = between(r.odometry_scale, key, count, i)
     p.odometry_drift_per_m[i] = between(r.odometry_drift_per_m, key, count, i)

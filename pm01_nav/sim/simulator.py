@@ -118,7 +118,7 @@ class PlanarSimulator:
 
         It counts from the next ``reset`` on, which all environments need.
         """
-        self.errors = new_errors(self.num_envs, self.robot.lidar.num_beams)
+        self.errors = new_errors(self.num_envs, self.robot.lidar.num_beams, ranges)
         self.drawn = new_perturbation(self.num_envs)
         self._ranges = ranges
         self._time = self._time_step(fastest_factor(ranges))

@@ -96,8 +96,8 @@ def sweep_cell(sweep, i, lidar, worlds, w):
 def place_slices(state, errors, drawn, i, x, y, yaw, lidar):
     """Find where each part of the scan is taken: on the arc of this step's motion.
 
-    The last ``scan_sweep`` of the control period goes by while the beams turn, and a part is taken
-    in the middle of its time.
+    The last ``scan_sweep`` control steps go by while the beams turn, and a part is taken in the
+    middle of its time. What lies before this step is reckoned back along its arc.
     """
     share, num_beams = drawn.scan_sweep[i], lidar.num_beams
     slices = SLICES if share > 0.0 else 1

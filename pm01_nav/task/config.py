@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -16,7 +17,7 @@ from pm01_nav.sim.state import PedestrianModel
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.observation import ObservationLayout, scan_geometry
-from pm01_nav.task.randomization import RandomizationConfig
+from pm01_nav.task.randomization import CONTROL_DT, RandomizationConfig, in_seconds
 from pm01_nav.task.rewards import NEEDS, REWARDS
 from pm01_nav.task.trail import TrailLayout
 
@@ -67,7 +68,7 @@ class TaskConfig(FrozenModel):
     """What moves the robots: the planar simulator or a physics engine."""
     gazebo: GazeboConfig = DEFAULT_GAZEBO
     """For the backends ``gazebo`` and ``gazebo_transport``."""
-    control_dt: Annotated[float, Field(ge=0.001, le=1.0)] = 0.1
+    control_dt: Annotated[float, Field(ge=0.001, le=1.0)] = CONTROL_DT
     """Time between two actions [s]."""
     time_limit_steps: Annotated[int, Field(ge=1)] = 500
     """After so many steps the episode is truncated."""
@@ -92,6 +93,15 @@ class TaskConfig(FrozenModel):
     rewards: dict[str, RewardTerm]
     randomization: RandomizationConfig | None = None
     """How far robots and sensors may be from their description; None: not at all."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _delays_in_seconds(cls, given: Any) -> Any:
+        if not isinstance(given, Mapping) or not isinstance(given.get("randomization"), Mapping):
+            return given
+        control_dt = given.get("control_dt", CONTROL_DT)
+        ranges = in_seconds(given["randomization"], control_dt, "task.randomization")
+        return {**given, "randomization": ranges}
 
     @model_validator(mode="after")
     def _is_consistent(self) -> TaskConfig:

@@ -142,7 +142,7 @@ class NavigationBatch:
             pedestrians_avoid_robot=config.pedestrians_avoid_robot,
         )
         if config.randomization is not None:
-            self.simulator.perturb(config.randomization.ranges(self.robot))
+            self.simulator.perturb(config.randomization.ranges(self.robot, config.control_dt))
         # Attributes of pydantic models are slow to read.
         self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
         frames, sectors = self.layout.frames, self.simulator.state.nearest.shape[1]

@@ -1,22 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far a real robot may be from its description: one range for each quantity that can be off.
 
-Each episode draws each quantity uniformly from its range [low, high], delays as whole numbers. A
-range with low = high is a fixed perturbation. What is left out is not perturbed.
+Each episode draws each quantity uniformly from its range [low, high]. A range with low = high is a
+fixed perturbation. What is left out is not perturbed.
 """
 
 from __future__ import annotations
 
-from typing import Annotated
+import warnings
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, Field
 
 from pm01_nav.config import FrozenModel, validate
 from pm01_nav.documents import load_yaml
-from pm01_nav.errors import InputError
+from pm01_nav.errors import InputError, InputWarning
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim.perturbation import MAX_COMMAND_DELAY, Perturbation
+from pm01_nav.sim.perturbation import Perturbation
+
+CONTROL_DT = 0.1
+"""The control period of our tasks [s], by which delays of early files are understood."""
+IN_STEPS = ("command_delay", "scan_delay", "scan_sweep")
+"""What the simulator counts in its steps, and early files in control steps."""
+LONGEST_S = 1.0
+"""The longest delay and sweep [s]."""
+WHOLE = 1e-9
+"""So near to a whole number of steps a delay is one."""
 
 
 def _ordered(limits: tuple[float, float]) -> tuple[float, float]:
@@ -32,16 +43,14 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 PositiveShare = Annotated[float, Field(gt=0.0, le=1.0)]
 Length = Annotated[float, Field(ge=0.0, le=100.0)]
 Offset = Annotated[float, Field(ge=-10.0, le=10.0)]
-CommandSteps = Annotated[int, Field(ge=0, le=MAX_COMMAND_DELAY)]
-ScanSteps = Annotated[int, Field(ge=0, le=1)]
+Seconds = Annotated[float, Field(ge=0.0, le=LONGEST_S)]
 
 FactorRange = Annotated[tuple[Factor, Factor], Ordered]
 ShareRange = Annotated[tuple[Share, Share], Ordered]
 PositiveShareRange = Annotated[tuple[PositiveShare, PositiveShare], Ordered]
 LengthRange = Annotated[tuple[Length, Length], Ordered]
 OffsetRange = Annotated[tuple[Offset, Offset], Ordered]
-CommandStepsRange = Annotated[tuple[CommandSteps, CommandSteps], Ordered]
-ScanStepsRange = Annotated[tuple[ScanSteps, ScanSteps], Ordered]
+SecondsRange = Annotated[tuple[Seconds, Seconds], Ordered]
 
 
 class RandomizationConfig(FrozenModel):
@@ -56,8 +65,9 @@ class RandomizationConfig(FrozenModel):
     """Limits of acceleration, of the nominal ones: below 1 for a heavier robot."""
     actuator_lag: Annotated[tuple[Share, Share], Ordered] | None = None
     """Time constant of the base's answer [s], up to 1; None keeps the robot's own."""
-    command_delay: CommandStepsRange = (0, 0)
-    """Control steps by which a command comes late, up to 3."""
+    command_delay_s: SecondsRange = (0.0, 0.0)
+    """By how much a command comes late [s], up to 1. It need be no multiple of the control period:
+    in a step in which two commands count, the base is told their mean, weighted by their time."""
     slip: ShareRange = (0.0, 0.0)
     """Share of their travel that both wheels lose."""
     slip_noise: ShareRange = (0.0, 0.0)
@@ -85,10 +95,11 @@ class RandomizationConfig(FrozenModel):
     """
     dark_range: LengthRange = (0.0, 0.0)
     """Up to this range a dark obstacle is seen [m]."""
-    scan_delay: ScanStepsRange = (0, 0)
-    """Control steps by which a scan comes late, up to 1."""
-    scan_sweep: ShareRange = (0.0, 0.0)
-    """Share of the control period over which the beams sweep, the last one at its end."""
+    scan_delay_s: SecondsRange = (0.0, 0.0)
+    """By how much a scan comes late [s], up to 1, rounded to control periods: one scan is made in
+    each."""
+    scan_sweep_s: SecondsRange = (0.0, 0.0)
+    """How long the beams sweep [s], up to 1, the last one at the end of the control period."""
     odometry_scale: FactorRange = (1.0, 1.0)
     """Travel by odometry, of the true one."""
     odometry_drift_per_m: OffsetRange = (0.0, 0.0)
@@ -100,10 +111,13 @@ class RandomizationConfig(FrozenModel):
     footprint_padding: LengthRange = (0.0, 0.0)
     """What the footprint is larger by, to every side [m]."""
 
-    def ranges(self, robot: RobotSpec) -> Perturbation:
-        """Return the ranges as the simulator reads them, each of shape (2,)."""
+    def ranges(self, robot: RobotSpec, control_dt: float) -> Perturbation:
+        """Return what a simulator with steps of ``control_dt`` [s] reads, each of shape (2,)."""
         own = {"actuator_lag": robot.actuator.lag_s, "lidar_noise_std": robot.lidar.noise_std}
-        values = {n: getattr(self, n) or (own[n], own[n]) for n in Perturbation._fields}
+        named = set(Perturbation._fields) - set(IN_STEPS)
+        values = {n: getattr(self, n) or (own[n], own[n]) for n in named}
+        for name in IN_STEPS:
+            values[name] = tuple(_steps(s, control_dt) for s in getattr(self, f"{name}_s"))
         return Perturbation(**{n: np.array(v, dtype=np.float64) for n, v in values.items()})
 
 
@@ -119,7 +133,7 @@ def default_randomization() -> RandomizationConfig:
         wheel_separation_factor=(0.95, 1.05),
         acceleration_factor=(0.6, 1.2),
         actuator_lag=(0.0, 0.15),
-        command_delay=(0, 2),
+        command_delay_s=(0.0, 0.2),
         slip=(0.0, 0.05),
         slip_noise=(0.0, 0.02),
         control_jitter=(0.0, 0.1),
@@ -133,8 +147,8 @@ def default_randomization() -> RandomizationConfig:
         lidar_yaw_error=(-0.035, 0.035),
         dark_share=(0.0, 0.1),
         dark_range=(0.7, 2.0),
-        scan_delay=(0, 1),
-        scan_sweep=(0.0, 1.0),
+        scan_delay_s=(0.0, 0.1),
+        scan_sweep_s=(0.0, 0.1),
         odometry_scale=(0.99, 1.01),
         odometry_drift_per_m=(-0.005, 0.005),
         odometry_drift_per_rad=(-0.01, 0.01),
@@ -143,8 +157,56 @@ def default_randomization() -> RandomizationConfig:
     )
 
 
-def load_randomization(choice: str) -> RandomizationConfig | None:
+def in_seconds(ranges: Mapping[str, Any], control_dt: Any, source: str) -> dict[str, Any]:
+    """Return ranges, in which early files counted delays in control steps, with seconds.
+
+    A warning says what was converted, and by which control period. Where ``control_dt`` is no
+    number, nothing is: whoever checks the task will say so.
+
+    Raises:
+        InputError: a delay stands there in both ways.
+    """
+    changed, told = dict(ranges), []
+    if not isinstance(control_dt, (int, float)):
+        return changed
+    for name in IN_STEPS:
+        if name not in ranges:
+            continue
+        key, steps = f"{name}_s", changed.pop(name)
+        if key in ranges:
+            raise InputError(f"{source}: {name}: stands beside {key}; give {key} alone")
+        seconds = _times(steps, control_dt)
+        changed[key] = seconds
+        told.append(f"{name} = {steps} as {key} = {seconds}")
+    if told:
+        warnings.warn(
+            f"{source}: {', '.join(told)}: delays are in seconds now; these were taken for "
+            f"control steps of {control_dt:g} s",
+            InputWarning,
+            stacklevel=2,
+        )
+    return changed
+
+
+def _times(steps: Any, control_dt: float) -> Any:
+    """Return a range of steps in seconds; what is none is left for the check to find."""
+    if not isinstance(steps, (list, tuple)):
+        return steps
+    numbers = (int, float)
+    return [round(n * control_dt, 9) if isinstance(n, numbers) else n for n in steps]
+
+
+def _steps(seconds: float, control_dt: float) -> float:
+    """Return a time in steps; 0.3 s are three steps of 0.1 s, though their quotient is not 3."""
+    steps = seconds / control_dt
+    whole = float(round(steps))
+    return whole if abs(steps - whole) < WHOLE * max(whole, 1.0) else steps
+
+
+def load_randomization(choice: str, control_dt: float = CONTROL_DT) -> RandomizationConfig | None:
     """Return what ``off``, ``on`` or the path of a YAML file of ranges stands for.
+
+    ``control_dt`` [s] is for early files, which counted delays in control steps.
 
     Raises:
         InputError: the choice is none of these, or the file does not hold usable ranges.
@@ -157,4 +219,4 @@ def load_randomization(choice: str) -> RandomizationConfig | None:
         raise InputError(
             f"randomization = {choice!r}: unknown; allowed: off, on, or the path of a .yaml file"
         )
-    return validate(RandomizationConfig, load_yaml(choice), choice)
+    return validate(RandomizationConfig, in_seconds(load_yaml(choice), control_dt, choice), choice)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from dataclasses import dataclass
@@ -92,6 +93,7 @@ class Supervision(BaseCallback):
         self.interrupted = threading.Event()
         self._next_evaluation = config.train.eval_every
         self._evaluated_at = -1
+        self._evaluation_takes = math.inf
         self._saving = Pace(config.train.checkpoint_every)
         self._writing = Pace(config.train.checkpoint_every)
         self._rounds = 0
@@ -169,13 +171,15 @@ class Supervision(BaseCallback):
 
     def _evaluate_if_due(self, spent: bool) -> None:
         due = self.num_timesteps >= self._next_evaluation
-        if due and not spent:
-            # An evaluation takes seconds, in which a kill must not cost what was learned before.
+        if due and not spent and self._saving.due(self._evaluation_takes):
+            # The next occasion is after the evaluation.
             self.save()
         if due:
             self._next_evaluation += self.config.train.eval_every
         if due or (spent and self._evaluated_at != self.num_timesteps):
+            began = time.perf_counter()
             self.evaluate()
+            self._evaluation_takes = time.perf_counter() - began
 
     @property
     def _rounds_per_iteration(self) -> int:

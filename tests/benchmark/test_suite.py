@@ -56,9 +56,23 @@ def test_worlds_count(monkeypatch: pytest.MonkeyPatch) -> None:
     assert read_suite("static", seed=1).hash != SUITE.hash
 
 
+def test_results_from_before_delays_were_in_seconds_still_belong(tmp_path) -> None:
+    file = tmp_path / "noisy.yaml"
+    file.write_text("{actuator_lag: [0.2, 0.2], odometry_scale: [1.02, 1.02], ", encoding="utf-8")
+    with file.open("a", encoding="utf-8") as more:
+        more.write("lidar_noise_std: [0.01, 0.01]}\n")
+    noisy = read_suite("static", 1, randomization=str(file))
+    # As revision b8297e0 hashed it, with `command_delay: [0, 0]` in its rules.
+    assert noisy.hash == "c63ad50acbb321533f91d2dcc31a95347d550c53e58aeeca461378ae7b47c3ff"
+    file.write_text("command_delay_s: [0.1, 0.1]\n", encoding="utf-8")
+    late = read_suite("static", 1, randomization=str(file))
+    file.write_text("command_delay_s: [0.2, 0.2]\n", encoding="utf-8")
+    assert late.hash != read_suite("static", 1, randomization=str(file)).hash
+
+
 def test_a_perturbed_suite_has_a_name_of_its_own(tmp_path) -> None:
     file = tmp_path / "harsh.yaml"
-    file.write_text("command_delay: [2, 2]\n", encoding="utf-8")
+    file.write_text("command_delay_s: [0.2, 0.2]\n", encoding="utf-8")
     assert read_suite("static", 1, randomization=str(file)).name == "static+harsh"
     assert read_suite("static", 1, randomization="off") == SUITE
 
@@ -107,12 +121,14 @@ def test_a_sweep_takes_backend_and_randomization(tmp_path) -> None:
     assert in_engine.point is not None
     assert (in_engine.point.sweep, in_engine.point.suite) == ("density+mujoco", "static+mujoco")
     file = tmp_path / "harsh.yaml"
-    file.write_text("{command_delay: [2, 2], lidar_noise_std: [0.3, 0.3]}\n", encoding="utf-8")
+    file.write_text(
+        "{command_delay_s: [0.2, 0.2], lidar_noise_std: [0.3, 0.3]}\n", encoding="utf-8"
+    )
     noisy = sweep_suites("lidar_noise", seed=1, randomization=str(file))[2]
     assert noisy.name == "static+harsh@lidar_noise=0.05"
     assert noisy.task.randomization is not None
     assert noisy.task.randomization.lidar_noise_std == (0.05, 0.05)
-    assert noisy.task.randomization.command_delay == (2, 2)
+    assert noisy.task.randomization.command_delay_s == (0.2, 0.2)
 
 
 def test_an_engine_without_what_a_sweep_varies_is_refused() -> None:

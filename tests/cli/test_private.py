@@ -104,6 +104,9 @@ def test_a_run_tells_nothing_and_can_be_gone_on_with(trained, machine):
         [[3, 3, 0.4]],
     )
     assert trained_task(str(trained)) == config.task
+    from_file = trained_task(str(trained / "policy.onnx"))
+    assert from_file is not None
+    assert from_file.robot_spec() == load_robot("pm01")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(machine)
         run(patch, "train", "--resume", str(trained), "--steps", "512")

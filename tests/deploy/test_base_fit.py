@@ -72,7 +72,7 @@ def test_commands_beyond_the_limit_show_the_limit_and_no_scale(slow_robot):
     assert "angular_max" in fit.not_shown
     robot = identified_robot(slow_robot, shown)
     assert robot["limits"]["linear_min"] == pytest.approx(-0.3, rel=0.02)
-    ranges = RandomizationConfig.model_validate(identified_ranges(slow_robot, shown, 0.1))
+    ranges = RandomizationConfig.model_validate(identified_ranges(slow_robot, shown))
     assert ranges.wheel_left_factor == (1.0, 1.0)
 
 

@@ -19,6 +19,7 @@ from pm01_nav.errors import InputError
 from pm01_nav.planners import make_planner
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.observation import ObservationLayout, scan_geometry
+from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
 
@@ -373,6 +374,20 @@ def test_a_planner_drives_the_simulated_robot_to_its_goal():
     assert sim.collisions == 0
     # By the true pose, which odometry is without errors.
     assert np.hypot(*(sim.pose[:2] - sim.goal)) <= 0.3 + 0.05
+
+
+def test_the_simulated_robot_is_late_by_seconds_whatever_its_step():
+    task = task_config("empty")
+    late = RandomizationConfig(command_delay_s=(0.2, 0.2))
+    pool = world_pool(task, "held_out", 1, 1)
+    sim = SimulatedRobot(task.robot_spec(), pool, seed=1, dt=0.02, randomization=late)
+    moving = []
+    for _ in range(15):
+        sim.command(0.3, 0.0)
+        sim.step()
+        moving.append(sim.odometry().twist[0] > 0.0)
+    # 0.2 s are ten steps of 0.02 s.
+    assert moving == [False] * 10 + [True] * 5
 
 
 def test_the_simulated_robot_stops_without_commands():

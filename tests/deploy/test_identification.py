@@ -10,14 +10,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pm01_nav.deploy.base_fit import fit_base
-from pm01_nav.deploy.identification import identify
+from pm01_nav.config import validate
+from pm01_nav.deploy.base_fit import Estimate, fit_base
+from pm01_nav.deploy.identification import identified_ranges, identify
 from pm01_nav.deploy.lidar_fit import at_rest, fit_noise
 from pm01_nav.deploy.messages import Scan, from_json, odometry_from_ros
 from pm01_nav.deploy.recording import Recording
 from pm01_nav.deploy.scan_matching import match
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame
+from pm01_nav.task.randomization import RandomizationConfig
 
 
 def answer(commands, dt, *, delay, lag, acceleration, gain):
@@ -69,6 +71,18 @@ def test_a_base_with_known_faults_is_recognised(robot):
         # Within 3 % or, for the delay, the step of the model; intervals are narrow, not wild.
         assert found.value == pytest.approx(value, rel=0.03, abs=0.005), name
         assert found.high - found.low < 0.15 * value, name
+
+
+def test_ranges_of_what_was_identified_are_in_seconds(robot):
+    names = ("wheel_left_factor", "wheel_right_factor", "wheel_separation_factor")
+    found = {name: Estimate(1.0, 0.99, 1.01) for name in names}
+    found |= {"actuator_lag": Estimate(0.1, 0.08, 0.12)}
+    # Neither rounded to control steps nor cut off after three of them.
+    for low, high, expected in ((0.43, 0.47, [0.43, 0.47]), (-0.01, 1.5, [0.0, 1.0])):
+        delay = {"command_delay_s": Estimate(0.45, low, high)}
+        ranges = identified_ranges(robot, found | delay)
+        assert ranges["command_delay_s"] == expected
+        assert validate(RandomizationConfig, ranges, "ranges").command_delay_s == tuple(expected)
 
 
 @pytest.mark.slow

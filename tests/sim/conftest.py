@@ -52,7 +52,8 @@ def simulate() -> Simulate:
         simulator = PlanarSimulator(robot, pool, len(poses), **arguments)
         if errors is not None:
             ranges = {n: v if isinstance(v, tuple) else (v, v) for n, v in errors.items()}
-            simulator.perturb(RandomizationConfig.model_validate(ranges).ranges(robot))
+            config = RandomizationConfig.model_validate(ranges)
+            simulator.perturb(config.ranges(robot, simulator.control_dt))
         simulator.seed(np.arange(len(poses)))
         simulator.reset(worlds=np.arange(len(poses)) % len(worlds))
         simulator.place(np.arange(len(poses)), poses, np.zeros((len(poses), 2)))

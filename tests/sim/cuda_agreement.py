@@ -37,7 +37,7 @@ def simulators(name: str, num_envs: int, errors: bool) -> tuple[PlanarSimulator,
     gpu = CudaSimulator(robot, pool, num_envs, arrays=arrays_on("cuda"), **options)
     for simulator in (cpu, gpu):
         if errors:
-            simulator.perturb(default_randomization().ranges(robot))
+            simulator.perturb(default_randomization().ranges(robot, simulator.control_dt))
         simulator.draw_worlds(np.array([0.1, 0.4, 0.4, 0.1]))
         simulator.limit_goal_distance((1.0, 5.0))
         simulator.seed(SEED + np.arange(num_envs))

@@ -57,20 +57,57 @@ def test_wider_wheels_turn_slower(make_robot, simulate) -> None:
     assert sim.state.twist[0] == pytest.approx([0.3, 0.8])
 
 
-@pytest.mark.parametrize("delay", [0, 1, 2, 3])
-def test_command_comes_late(make_robot, simulate, delay: int) -> None:
-    sim = simulate(make_robot(**AT_ONCE), OPEN, ORIGIN, {"command_delay": delay})
-    given = [0.1, 0.2, 0.3, 0.4, 0.5, -0.1]
+@pytest.mark.parametrize(
+    ("delay_s", "dt", "steps"),
+    [(0.0, 0.1, 0), (0.1, 0.1, 1), (0.2, 0.1, 2), (0.3, 0.1, 3), (0.2, 0.05, 4), (0.1, 0.02, 5)],
+)
+def test_command_comes_late(make_robot, simulate, delay_s: float, dt: float, steps: int) -> None:
+    errors = {"command_delay_s": delay_s}
+    sim = simulate(make_robot(**AT_ONCE), OPEN, ORIGIN, errors, control_dt=dt)
+    given = [0.1, 0.2, 0.3, 0.4, 0.5, -0.1, 0.1, 0.2]
     answered = []
     for speed in given:
         drive(sim, [speed, -speed], 1)
         answered.append(sim.state.twist[0].tolist())
-    expected = [0.0] * delay + given[: len(given) - delay]
+    expected = [0.0] * steps + given[: len(given) - steps]
     assert np.array(answered) == pytest.approx(np.array([[v, -v] for v in expected]))
 
 
+@pytest.mark.parametrize("dt", [0.1, 0.02])
+def test_a_delay_costs_the_same_travel_whatever_a_step_takes(make_robot, simulate, dt) -> None:
+    sim = simulate(make_robot(**AT_ONCE), OPEN, ORIGIN, {"command_delay_s": 0.13}, control_dt=dt)
+    drive(sim, [0.4, 0.0], round(1.0 / dt))
+    # At 0.4 m/s from 0.13 s on, which are 1.3 steps of 0.1 s, or 6.5 of 0.02 s: 0.348 m. The base
+    # changes its speed within one integration step, half a control step, at whose mean it drives:
+    # it loses a quarter of a control step each time, here once in all.
+    assert sim.state.pose[0, 0] == pytest.approx(0.4 * (1.0 - 0.13 - 0.25 * dt), abs=1e-9)
+
+
+def test_between_two_commands_the_base_is_told_their_mean(make_robot, simulate) -> None:
+    sim = simulate(make_robot(**AT_ONCE), OPEN, ORIGIN, {"command_delay_s": 0.125})
+    answered = []
+    for speed in [0.1, 0.4, 0.9, 0.2]:
+        drive(sim, [speed, 0.0], 1)
+        answered.append(float(sim.state.twist[0, 0]))
+    # In each step the command before the last counts for 0.025 s, the last one for 0.075 s:
+    # 0; 0.75 x 0.1; 0.25 x 0.1 + 0.75 x 0.4; 0.25 x 0.4 + 0.75 x 0.5, the limit.
+    assert answered == pytest.approx([0.0, 0.075, 0.325, 0.475])
+
+
+def test_whole_steps_late_is_bit_by_bit_the_same_drive_later(make_robot, simulate) -> None:
+    rng = np.random.default_rng(3)
+    commands = rng.uniform([-0.3, -1.0], [0.7, 1.0], (12, 2))
+    late = simulate(make_robot(), OPEN, ORIGIN, {"command_delay_s": 0.3})
+    plain = simulate(make_robot(), OPEN, ORIGIN, {})
+    for command in [*commands, *np.zeros((3, 2))]:
+        drive(late, command, 1)
+    for command in [*np.zeros((3, 2)), *commands]:
+        drive(plain, command, 1)
+    assert late.state.pose.tobytes() == plain.state.pose.tobytes()
+
+
 def test_command_on_its_way_ends_with_the_episode(make_robot, simulate) -> None:
-    sim = simulate(make_robot(**AT_ONCE), OPEN, [ORIGIN, ORIGIN], {"command_delay": 2})
+    sim = simulate(make_robot(**AT_ONCE), OPEN, [ORIGIN, ORIGIN], {"command_delay_s": 0.2})
     drive(sim, [0.5, 0.0], 3)
     sim.reset(np.array([1]))
     drive(sim, [0.5, 0.0], 1)
@@ -78,7 +115,8 @@ def test_command_on_its_way_ends_with_the_episode(make_robot, simulate) -> None:
 
 
 def test_delays_differ_between_robots(make_robot, simulate) -> None:
-    sim = simulate(make_robot(**AT_ONCE), OPEN, np.zeros((400, 3)), {"command_delay": (0, 3)})
+    errors = {"command_delay_s": (0.0, 0.4)}
+    sim = simulate(make_robot(**AT_ONCE), OPEN, np.zeros((400, 3)), errors)
     moving = (speeds(sim, [0.5, 0.0], 4)[:, :, 0] > 0.0).mean(axis=1)
     # A quarter more starts in each step; 4 sigma are at most 4 x 0.5 / 20 = 0.1.
     assert moving == pytest.approx([0.25, 0.5, 0.75, 1.0], abs=0.1)

@@ -144,23 +144,29 @@ def test_obstacle_stays_dark_for_the_episode(make_robot, simulate) -> None:
     assert (np.isinf(sim.scan) != first).any(axis=1).all()
 
 
-@pytest.mark.parametrize("delay", [0, 1])
-def test_scan_comes_late(make_robot, simulate, delay: int) -> None:
+@pytest.mark.parametrize(
+    ("delay_s", "dt", "steps"),
+    # Rounded to steps: 0.14 s are 1.4 steps of 0.1 s, and seven of 0.02 s.
+    [(0.0, 0.1, 0), (0.1, 0.1, 1), (0.3, 0.1, 3), (0.14, 0.1, 1), (0.1, 0.02, 5), (0.14, 0.02, 7)],
+)
+def test_scan_comes_late(make_robot, simulate, delay_s: float, dt: float, steps: int) -> None:
     robot = make_robot(
         lidar=AHEAD,
         limits={"linear_acceleration": 1e9},
         actuator={"lag_s": 0.0},
     )
-    sim = simulate(robot, wall(2.0), [0.0, 0.0, 0.0], {"scan_delay": delay})
-    sim.state.twist[0, 0] = 0.5  # Already under way.
-    seen = [float(sim.scan[0, 0])]
-    for _ in range(4):
-        sim.step(np.array([[0.5, 0.0]]))
-        seen.append(float(sim.scan[0, 0]))
-    # The wall comes nearer by 0.05 m a step; the first scan of an episode is never late.
-    fresh = [2.0, 1.95, 1.9, 1.85, 1.8]
-    expected = fresh if delay == 0 else [2.0, *fresh[:-1]]
-    assert seen == pytest.approx(expected, abs=TOLERANCE)
+    sim = simulate(robot, wall(2.0), [0.0, 0.0, 0.0], {"scan_delay_s": delay_s}, control_dt=dt)
+    for _ in range(2):
+        sim.place(np.array([0]), np.zeros((1, 3)), np.zeros((1, 2)))
+        sim.state.twist[0, 0] = 0.5  # Already under way.
+        seen = [float(sim.scan[0, 0])]
+        for _ in range(9):
+            sim.step(np.array([[0.5, 0.0]]))
+            seen.append(float(sim.scan[0, 0]))
+        # The wall comes nearer by 0.5 m/s. The first scan of an episode is never late, and nothing
+        # of the last episode is seen.
+        expected = [2.0 - 0.5 * dt * max(k - steps, 0) for k in range(10)]
+        assert seen == pytest.approx(expected, abs=TOLERANCE)
     assert sim.state.nearest[0, 0] == sim.scan[0, 0]
 
 
@@ -173,7 +179,7 @@ def test_true_scan_knows_no_lies(make_robot, simulate) -> None:
         "lidar_yaw_error": 0.3,
         "lidar_x_error": 0.1,
         "dark_share": 0.5,
-        "scan_delay": 1,
+        "scan_delay_s": 0.1,
         "lidar_range_factor": 0.5,
     }
     sim = simulate(robot, world, [0.3, 0.2, 0.1], lies)

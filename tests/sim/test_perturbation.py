@@ -17,15 +17,15 @@ N = 10_000
 PM01 = load_robot("pm01")
 ROBOT = PM01.model_copy(update={"lidar": PM01.lidar.model_copy(update=full_circle(1))})
 OPEN = World("open", (-5.0, -5.0, 5.0, 5.0))
-DELAYS = {"command_delay": (0, 3), "scan_delay": (0, 1)}
-RANGES = default_randomization().model_copy(update=DELAYS)
+RANGES = default_randomization().model_copy(update={"scan_delay_s": (0.0, 0.2)})
+LIMITS = RANGES.ranges(ROBOT, 0.1)
 QUANTITIES = list(Perturbation._fields)
 
 
 def fleet(count: int) -> PlanarSimulator:
     """Return robots that have drawn their first errors."""
     simulator = PlanarSimulator(ROBOT, build_pool([OPEN], radius=0.01), count)
-    simulator.perturb(RANGES.ranges(ROBOT))
+    simulator.perturb(LIMITS)
     simulator.seed(np.arange(count))
     simulator.reset()
     return simulator
@@ -45,24 +45,24 @@ def drawn() -> list[Perturbation]:
 @pytest.mark.parametrize("episode", [0, 1])
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_law_of_each_draw(drawn: list[Perturbation], name: str, episode: int) -> None:
-    low, high = getattr(RANGES, name)
+    low, high = getattr(LIMITS, name)
     values = getattr(drawn[episode], name)
     assert low <= values.min()
     assert values.max() <= high
-    # U(low, high): mean (low + high) / 2, variance (high - low)^2 / 12. Whole numbers, k of
-    # them, have one of (k^2 - 1) / 12.
+    # U(low, high): mean (low + high) / 2, variance (high - low)^2 / 12. Scans are late by U(0, 2)
+    # steps, rounded: 0, 1, 2 with probability 1/4, 1/2, 1/4, variance 1/2.
     variance = (high - low) ** 2 / 12
-    if name in DELAYS:
-        assert set(values) == set(range(low, high + 1))
-        variance = ((high - low + 1) ** 2 - 1) / 12
+    if name == "scan_delay":
+        assert set(values) == {0.0, 1.0, 2.0}
+        variance = 0.5
     assert values.mean() == pytest.approx((low + high) / 2, abs=4 * np.sqrt(variance / N))
-    # The fourth moment of a uniform law is 1.8 variances squared, that of a discrete one less, so
-    # the sample variance has a deviation of at most variance x sqrt(0.8 / N).
-    assert values.var() == pytest.approx(variance, abs=4 * variance * np.sqrt(0.8 / N))
+    # The fourth moment of a uniform law is 1.8 variances squared, that of this discrete one 2, so
+    # the sample variance has a deviation of at most variance x sqrt(1 / N).
+    assert values.var() == pytest.approx(variance, abs=4 * variance * np.sqrt(1.0 / N))
 
 
 def test_robots_and_quantities_are_independent(drawn: list[Perturbation]) -> None:
-    for name in set(QUANTITIES) - set(DELAYS):
+    for name in set(QUANTITIES) - {"scan_delay"}:
         assert len(np.unique(getattr(drawn[0], name))) == N
     # A correlation of independent quantities has a deviation of 1 / sqrt(N) = 0.01; the greatest
     # of 300 pairs, and of each robot with its neighbour and its own last episode, stays below 5.

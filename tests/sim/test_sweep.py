@@ -113,7 +113,7 @@ def test_each_part_is_cast_from_its_own_place(
         return swept(worlds[i], robot, pose, command, share, turned)
 
     def simulated(robot, worlds, poses, share):
-        return simulate(robot, worlds, poses, {"scan_sweep": share})
+        return simulate(robot, worlds, poses, {"scan_sweep_s": 0.1 * share})
 
     drive_and_compare(simulated, robot, worlds, share, rng, twin)
 
@@ -154,7 +154,7 @@ def test_dark_obstacles_on_the_way(make_robot, simulate) -> None:
         return np.where(dark < light, np.where(dark <= near, dark, np.inf), light)
 
     def simulated(robot, worlds, poses, share):
-        errors = {"scan_sweep": share, "dark_share": 0.5, "dark_range": near}
+        errors = {"scan_sweep_s": 0.1 * share, "dark_share": 0.5, "dark_range": near}
         return simulate(robot, worlds, poses, errors)
 
     drive_and_compare(simulated, robot, worlds, 0.7, rng, twin)
@@ -171,11 +171,25 @@ def test_robot_that_turns_sees_a_turned_room(make_robot, simulate) -> None:
     # 0.2333 rad on; the robot has turned 0.5 rad by then, and the wall is square to the start.
     robot = make_robot(lidar=full_circle(360) | {"range_max": 6.0}, **AT_ONCE)
     world = World("wall", BOUNDS, segments=np.array([[1.0, -4.0, 1.0, 4.0]]))
-    sim = simulate(robot, world, [0.0, 0.0, 0.0], {"scan_sweep": 1.0})
+    sim = simulate(robot, world, [0.0, 0.0, 0.0], {"scan_sweep_s": 0.1})
     sim.state.twist[0] = [0.0, 5.0]
     sim.step(np.array([[0.0, 5.0]]))
     assert sim.scan[0, 180] == pytest.approx(1 / np.cos(0.5 * 168 / 360), abs=TOLERANCE)
-    still = simulate(robot, world, [0.0, 0.0, 0.0], {"scan_sweep": 0.0})
+    still = simulate(robot, world, [0.0, 0.0, 0.0], {"scan_sweep_s": 0.0})
     still.state.twist[0] = [0.0, 5.0]
     still.step(np.array([[0.0, 5.0]]))
     assert still.scan[0, 180] == pytest.approx(1 / np.cos(0.5), abs=TOLERANCE)
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.02])
+def test_a_sweep_takes_its_seconds_whatever_a_step_takes(make_robot, simulate, dt: float) -> None:
+    # As above, but the robot has turned at 5 rad/s for long. The last beam looks at the end of the
+    # step, 0.1 s after the first: beams 144 to 191 are taken (1 - 168 / 360) x 0.1 s before it.
+    robot = make_robot(lidar=full_circle(360) | {"range_max": 6.0}, **AT_ONCE)
+    world = World("wall", BOUNDS, segments=np.array([[1.0, -4.0, 1.0, 4.0]]))
+    errors = {"scan_sweep_s": 0.1}
+    sim = simulate(robot, world, [0.0, 0.0, 0.0], errors, control_dt=dt)
+    sim.state.twist[0] = [0.0, 5.0]
+    for _ in range(round(0.1 / dt)):
+        sim.step(np.array([[0.0, 5.0]]))
+    assert sim.scan[0, 180] == pytest.approx(1 / np.cos(0.5 * 168 / 360), abs=TOLERANCE)
