@@ -22,12 +22,13 @@ def driven(ask, limit, seconds=70.0, acceleration=(1.0, 3.0)):
     Its program goes ahead, turns, rests, goes back, turns and drives an arc, 2.5 s each; ``ask``
     is the speed asked for and ``limit`` what the base gives.
     """
-    times, speeds, now = np.arange(0.0, seconds, 0.001), [], np.zeros(2)
-    for t in times:
-        v, w = PROGRAM[int(t / 2.5) % 6]
-        wanted = np.array([np.clip(v * ask, -limit, limit), w])
-        now = now + np.clip(wanted - now, *(np.array([[-0.001], [0.001]]) * acceleration))
-        speeds.append(now)
+    times, speeds, v, w = np.arange(0.0, seconds, 0.001), [], 0.0, 0.0
+    most = 0.001 * acceleration[0], 0.001 * acceleration[1]
+    for t in times.tolist():
+        ahead, turn = PROGRAM[int(t / 2.5) % 6]
+        v += min(max(min(max(ahead * ask, -limit), limit) - v, -most[0]), most[0])
+        w += min(max(turn - w, -most[1]), most[1])
+        speeds.append((v, w))
     sent = np.arange(0.0, seconds, 0.1)
     asked = [PROGRAM[int((t + 1e-9) / 2.5) % 6] for t in sent]
     commands = np.array([(t, v * ask, w) for t, (v, w) in zip(sent, asked, strict=True)])
