@@ -130,7 +130,9 @@ def judge(seed: int) -> dict[str, Any]:
     for name, truth in true.items():
         value, low, high = fit.estimates[name]
         row: dict[str, Any] = {"true": truth, "found": value, "low": low, "high": high}
-        row = {key: float(f"{number:.5g}") for key, number in row.items()}
+        # JSON has no infinity: what has no upper end is null.
+        finite = {key: number for key, number in row.items() if math.isfinite(number)}
+        row |= dict.fromkeys(row) | {key: float(f"{n:.5g}") for key, n in finite.items()}
         row["shown"] = name not in fit.not_shown
         rows[name] = row | {"holds": bool(low <= truth <= high)}
     return rows

@@ -8,6 +8,7 @@ weak prior keeps scales at 1 and limits as described where a drive cannot tell t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from pm01_nav.deploy.base_intervals import Estimate, intervals
 from pm01_nav.deploy.base_model import HIGH, LOW, FloatArray, predict, prepare
 from pm01_nav.deploy.base_problem import BoolArray, Problem, noise_of, robust_weights
-from pm01_nav.deploy.base_rows import Segment, commands_known, deviating, spikes
+from pm01_nav.deploy.base_rows import Segment, commands_known, deviating, goes_on, spikes
 from pm01_nav.robot import RobotSpec
 
 START_DELAYS = (0.0, 0.04, 0.08, 0.13, 0.18, 0.24, 0.3, 0.4, 0.6)
@@ -58,9 +59,12 @@ def fit_base(commands: FloatArray, odometry: FloatArray, robot: RobotSpec) -> Ba
 def fit_drives(drives: Sequence[tuple[FloatArray, FloatArray]], robot: RobotSpec) -> BaseFit:
     """Fit the model to several drives of one robot."""
     prepared = [prepare(c, o[:, :3], robot.wheels.separation) for c, o in drives]
-    known = [commands_known(drive) for drive in prepared]
-    problem = Problem.of(prepared, np.concatenate(known), robot)
+    known = np.concatenate([commands_known(drive) for drive in prepared])
+    problem = Problem.of(prepared, known, robot)
     best, others = _fit(problem)
+    if goes_on(problem, best):
+        known[:] = True
+        problem = replace(problem, used=known)
     spiky = spikes(problem, best)
     strange = deviating(problem, best)
     problem = problem.without(spiky | strange)
@@ -69,7 +73,7 @@ def fit_drives(drives: Sequence[tuple[FloatArray, FloatArray]], robot: RobotSpec
     best = _plain(problem, best)
     weighted = problem.weighted(robust_weights(problem, best))
     estimates, not_shown = intervals(weighted, best, others)
-    segments = Segment.of(prepared, ~np.concatenate(known), "no commands came")
+    segments = Segment.of(prepared, ~known, "no commands came")
     segments += Segment.of(prepared, strange, "did not follow its commands")
     predicted = np.concatenate([predict(best, drive) for drive in prepared])
     return BaseFit(

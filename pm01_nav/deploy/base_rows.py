@@ -21,6 +21,8 @@ SPIKE = 8.0
 """A single error of so many standard deviations is odometry's."""
 DEVIATES = 5.0
 """A block in which most errors are larger is something else than commands driving a base."""
+GOES_ON = 0.8
+"""So much of the silence must look like driving on."""
 MOST_DEVIATING = 0.3
 """If more blocks deviate than this share, it is the model that is wrong: they stay."""
 
@@ -72,6 +74,16 @@ def commands_known(drive: Drive) -> BoolArray:
     for begin in times[silent]:
         known &= ~((drive.times >= begin) & (drive.times < begin + SETTLE_S))
     return known
+
+
+def goes_on(problem: Problem, parameters: FloatArray) -> bool:
+    """Return whether the base drives on where no command comes, as some do."""
+    silent = ~problem.used
+    if not silent.any():
+        return False
+    scaled = problem.scaled(noise_of(problem, parameters))
+    size = np.abs(scaled.errors(parameters)).max(axis=1)
+    return bool(np.quantile(size[silent], GOES_ON) < DEVIATES)
 
 
 def spikes(problem: Problem, parameters: FloatArray) -> BoolArray:

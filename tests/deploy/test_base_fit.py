@@ -83,8 +83,9 @@ def test_spikes_a_gap_and_a_robot_that_was_held_are_left_out(slow_robot):
     # From 46.2 to 49.8 s, driving back and turning, somebody holds it.
     held = (odometry[:, 0] > 46.2) & (odometry[:, 0] < 49.8)
     odometry[held, 1:] = 0.0
-    # From 16 to 19 s, driving ahead and turning, no command comes: it may have stopped.
+    # From 16 to 19 s, driving ahead, no command comes: it stops half a second after the last one.
     commands = commands[(commands[:, 0] < 16.0) | (commands[:, 0] > 19.0)]
+    odometry[(odometry[:, 0] > 16.5) & (odometry[:, 0] < 19.0), 1:] = 0.0
     fit = fit_base(commands, odometry, slow_robot)
     assert fit.spikes == 3
     assert not fit.used[[250, 500, 900]].any()
@@ -95,6 +96,16 @@ def test_spikes_a_gap_and_a_robot_that_was_held_are_left_out(slow_robot):
     assert 44.0 <= reasons["did not follow its commands"].begin < 49.0
     for name in ("wheel_left_factor", "wheel_right_factor", "wheel_separation_factor"):
         assert holds(fit.estimates[name], 1.0), name
+
+
+def test_a_base_that_drives_on_without_commands_is_believed(slow_robot):
+    commands, odometry = driven(0.3, 0.3)
+    # Commands come when they change, and half a second long.
+    commands = commands[(commands[:, 0] + 1e-9) % 2.5 < 0.5]
+    fit = fit_base(commands, odometry, slow_robot)
+    assert fit.segments == ()
+    assert fit.used.all()
+    assert holds(fit.estimates["wheel_left_factor"], 1.0)
 
 
 def test_several_drives_tell_more_than_each():
