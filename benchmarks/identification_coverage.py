@@ -138,6 +138,16 @@ def judge(seed: int) -> dict[str, Any]:
     return rows
 
 
+def misses(drive: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the quantities of a drive whose interval does not hold the truth."""
+    rows = {name: row for name, row in drive.items() if isinstance(row, dict)}
+    return [
+        {"seed": drive["seed"], "quantity": name} | row
+        for name, row in rows.items()
+        if row["shown"] and not row["holds"]
+    ]
+
+
 def summary(drives: list[dict[str, Any]]) -> dict[str, Any]:
     """Return for each quantity in how many drives it was shown, and how often its interval held."""
     result = {}
@@ -176,7 +186,7 @@ def main() -> None:
         {
             "summary": summary(drives),
             "fit_cpu_s": {"median": float(np.median(cpu)), "most": max(cpu)},
-            "drives": drives,
+            "missed": [miss for one in drives for miss in misses(one)],
         },
     )
 
