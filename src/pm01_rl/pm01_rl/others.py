@@ -29,9 +29,9 @@ class Others:
         self.publishers: list[str] = []
         """Nodes that command the base, too."""
 
-    @property
     def sees_namesake(self) -> bool:
-        """Whether one of them has our name: what is left of a killed one, or another instance."""
+        """Look again for a server of our name: what is left of a killed one, or another one."""
+        self.look()
         return self._node.get_fully_qualified_name() in self.servers
 
     @property

@@ -121,7 +121,7 @@ class PolicyNode(LifecycleNode):
         ]
         # From here to the clean-up, so that what is under way can still tell its client its end.
         self._servers = GoalServers(self, self._is_ready, self._begin, self._on_cancel)
-        self._others = Others(self, ACTIONS, "cmd_vel", str(self._value("base_topic")))
+        self.others = Others(self, ACTIONS, "cmd_vel", str(self._value("base_topic")))
         return SUCCESS
 
     def _listen_to_tf(self) -> None:
@@ -140,8 +140,8 @@ class PolicyNode(LifecycleNode):
         """Begin to listen and to drive, unless that would end badly."""
         assert self.controller is not None
         time.sleep(max(0.0, self._born + DISCOVERY_S - time.monotonic()))
-        self._others.look()
-        obstacles = [self._mount.difference, self._others.shared_actions]
+        self.others.look()
+        obstacles = [self._mount.difference, self.others.shared_actions]
         for obstacle in filter(None, obstacles):
             self.get_logger().error(f"not activated: {obstacle}")
         if any(obstacles):
@@ -164,11 +164,6 @@ class PolicyNode(LifecycleNode):
             self._watchdog.start()
         self._active = True
         return SUCCESS
-
-    def sees_namesake(self) -> bool:
-        """Tell whether another node of our name serves our actions."""
-        self._others.look()
-        return self._others.sees_namesake
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the robot and listen no longer."""
@@ -246,7 +241,7 @@ class PolicyNode(LifecycleNode):
 
     def _is_ready(self) -> bool:
         """Tell whether a goal would be driven to, and by nobody but us."""
-        sound = self._mount.difference is None and not self._others.servers
+        sound = self._mount.difference is None and not self.others.servers
         return self._active and not self._stop_button.pressed and sound
 
     def _begin(self, poses: list[PoseStamped], client: Client | None = None) -> None:
@@ -293,8 +288,8 @@ class PolicyNode(LifecycleNode):
         """Let the robot stand for what only this node sees."""
         hold, exclusive = self.controller.supervisor.hold, bool(self._value("exclusive"))
         if exclusive and self._errand is not None:
-            self._others.look_for_publishers()
-        hold(Reason.SECOND_PUBLISHER, exclusive and bool(self._others.publishers))
+            self.others.look_for_publishers()
+        hold(Reason.SECOND_PUBLISHER, exclusive and bool(self.others.publishers))
         hold(Reason.WRONG_MOUNT, self._mount.difference is not None)
 
     def _place_goals(self, now: float) -> float:
@@ -361,14 +356,14 @@ class PolicyNode(LifecycleNode):
             self._markers.publish(markers(stamp, frames, lines, goal, text))
 
     def _diagnose(self) -> None:
-        self._others.look()
+        self.others.look()
         notes = {
             "policy": str(self._value("policy")),
             "policy_failure": self.controller.failure or "",
             "advice": self.controller.supervisor.advice or "",
             "lidar_mount": self._mount.state,
-            "second_publishers": " ".join(self._others.publishers) if self._errand else "",
-            "other_servers": self._others.shared_actions or "",
+            "second_publishers": " ".join(self.others.publishers) if self._errand else "",
+            "other_servers": self.others.shared_actions or "",
         }
         if notes["advice"]:
             self.get_logger().warning(notes["advice"], throttle_duration_sec=10.0)
@@ -397,6 +392,6 @@ def autostarted(node: PolicyNode, executor: SingleThreadedExecutor) -> bool:
     began = time.monotonic()
     # Time for others, tf and a first scan to be seen: what is wrong with them is said at once. A
     # node that is started anew waits until nothing is left of the one before.
-    while time.monotonic() - began < (LEASE_S if node.sees_namesake() else DISCOVERY_S):
+    while time.monotonic() - began < (LEASE_S if node.others.sees_namesake() else DISCOVERY_S):
         executor.spin_once(timeout_sec=0.05)
     return node.trigger_activate() == SUCCESS
