@@ -1,183 +1,155 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fit how a base answers commands: delay, lag, limits of acceleration, wheels.
+"""Fit how a base answers commands: delay, lag, limits of speed and acceleration, wheels.
 
-The model is the simulator's: commands become wheel speeds by the nominal wheels and motion by the
-true ones, late by a delay, with a first-order lag within limits of acceleration.
+Robust least squares from many starts, since delay, lag and limits can stand in for each other. A
+weak prior keeps scales at 1 and limits as described where a drive cannot tell them apart.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pm01_nav.compilation import compiled
+from pm01_nav.deploy.base_intervals import Estimate, intervals
+from pm01_nav.deploy.base_model import HIGH, LOW, FloatArray, predict, prepare
+from pm01_nav.deploy.base_problem import BoolArray, Problem, noise_of, robust_weights
+from pm01_nav.deploy.base_rows import Segment, commands_known, deviating, goes_on, spikes
 from pm01_nav.robot import RobotSpec
 
-FloatArray = NDArray[np.float64]
-GRID_S = 0.005
-"""Time step of the model [s]."""
-BLOCK_S = 2.0
-"""Errors further apart than this are taken for independent [s]."""
-NAMES = (
-    "wheel_left_factor",
-    "wheel_right_factor",
-    "wheel_separation_factor",
-    "command_delay_s",
-    "actuator_lag",
-    "linear_acceleration",
-    "angular_acceleration",
-)
-LOW = np.array([0.5, 0.5, 0.5, 0.0, 1e-3, 0.05, 0.05])
-HIGH = np.array([2.0, 2.0, 2.0, 0.6, 1.0, 50.0, 100.0])
-
-
-class Estimate(NamedTuple):
-    """A quantity with its 95 % confidence interval."""
-
-    value: float
-    low: float
-    high: float
+START_DELAYS = (0.0, 0.04, 0.08, 0.13, 0.18, 0.24, 0.3, 0.4, 0.6)
+START_LAGS = (0.01, 0.08, 0.25)
+START_ACCELERATIONS = ((0.3, 0.6), (0.8, 2.0), (2.0, 6.0), (50.0, 100.0))
+"""Linear [m/s^2] and angular [rad/s^2]."""
+KEPT_STARTS = 5
+KEPT_MINIMA = 3
+CLEAR_COST = 10.0
+"""A limit below the described one must explain so much (half of chi squared)."""
+LIMITS = (7, 8, 9)
 
 
 class BaseFit(NamedTuple):
-    """The fitted base, and how well it explains the drive."""
+    """The fitted base, and how well it explains the drives."""
 
     estimates: dict[str, Estimate]
-    """By the names of ``NAMES``; a limit that the drive never reached has no upper end."""
+    """By the names of ``base_model.NAMES``; infinite where the drives show nothing."""
+    not_shown: dict[str, str]
+    """Why a quantity is not known, by its name."""
     times: FloatArray
-    """Of the odometry, shape (n,) [s]."""
+    """Of the odometry, one drive after the other, shape (n,) [s]."""
     measured: FloatArray
     """v, w by odometry, shape (n, 2)."""
     predicted: FloatArray
     """v, w by the model, shape (n, 2)."""
-
-
-@compiled
-def respond(wanted, lag, acceleration, dt, answer):
-    """Write into ``answer`` (n,) how one axis follows ``wanted`` (n,) from standing."""
-    keep, change, speed = np.exp(-dt / lag), acceleration * dt, 0.0
-    for k in range(wanted.shape[0]):
-        step = (wanted[k] - speed) * (1.0 - keep)
-        speed += min(max(step, -change), change)
-        answer[k] = speed
-
-
-class _Drive(NamedTuple):
-    """A drive, prepared for the model."""
-
-    grid: FloatArray
-    command_times: FloatArray
-    integral: FloatArray
-    """Of the commands up to each of their times, shape (n, 2)."""
-    last: FloatArray
-    times: FloatArray
-    measured: FloatArray
-    scale: FloatArray
-    """What errors of v and w are divided by."""
-    separation: float
+    used: BoolArray
+    """False for what was left out, shape (n,)."""
+    segments: tuple[Segment, ...]
+    """What was left out for longer than a moment, and why."""
+    spikes: int
+    """Single odometries that were left out."""
 
 
 def fit_base(commands: FloatArray, odometry: FloatArray, robot: RobotSpec) -> BaseFit:
     """Fit the model to a drive: ``commands`` (n, 3) t, v, w; ``odometry`` (m, 3) t, v, w."""
-    from scipy.optimize import least_squares
-
-    drive = _prepare(commands, odometry, robot)
-    limits = robot.limits
-    best = None
-    # The delay has several minima, a command apart; the least of them is the true one.
-    for delay in (0.01, 0.06, 0.12, 0.2, 0.3):
-        start = np.array(
-            [1.0, 1.0, 1.0, delay, 0.08, limits.linear_acceleration, limits.angular_acceleration]
-        )
-        start = np.clip(start, LOW + 1e-6, HIGH - 1e-6)
-        found = least_squares(
-            _errors, start, bounds=(LOW, HIGH), x_scale=start, args=(drive,), max_nfev=40
-        )
-        if best is None or found.cost < best.cost:
-            best = found
-    assert best is not None
-    spread = _spread(best.x, drive)
-    estimates = {}
-    for name, value, half in zip(NAMES, best.x, 1.96 * spread, strict=True):
-        estimates[name] = Estimate(float(value), float(value - half), float(value + half))
-    return BaseFit(estimates, drive.times, drive.measured, _predict(best.x, drive))
+    return fit_drives([(commands, odometry)], robot)
 
 
-def _prepare(commands: FloatArray, odometry: FloatArray, robot: RobotSpec) -> _Drive:
-    begin = commands[0, 0]
-    odometry = odometry[(odometry[:, 0] > begin) & (odometry[:, 0] < commands[-1, 0])]
-    grid = np.arange(begin, odometry[-1, 0] + GRID_S, GRID_S)
-    held = np.diff(commands[:, 0])[:, None] * commands[:-1, 1:]
-    integral = np.concatenate([np.zeros((1, 2)), np.cumsum(held, axis=0)])
-    scale = np.maximum(odometry[:, 1:3].std(axis=0), 1e-3)
-    return _Drive(
-        grid,
-        commands[:, 0],
-        integral,
-        commands[-1, 1:],
-        odometry[:, 0],
-        odometry[:, 1:3],
-        scale,
-        robot.wheels.separation,
+def fit_drives(drives: Sequence[tuple[FloatArray, FloatArray]], robot: RobotSpec) -> BaseFit:
+    """Fit the model to several drives of one robot."""
+    prepared = [prepare(c, o[:, :3], robot.wheels.separation) for c, o in drives]
+    known = np.concatenate([commands_known(drive) for drive in prepared])
+    problem = Problem.of(prepared, known, robot)
+    best, others = _fit(problem)
+    if goes_on(problem, best):
+        known[:] = True
+        problem = replace(problem, used=known)
+    spiky = spikes(problem, best)
+    strange = deviating(problem, best)
+    problem = problem.without(spiky | strange)
+    problem = problem.scaled(noise_of(problem, best))
+    best, others = _refine(problem, [best, *others])
+    best = _plain(problem, best)
+    weighted = problem.weighted(robust_weights(problem, best))
+    estimates, not_shown = intervals(weighted, best, others)
+    segments = Segment.of(prepared, ~known, "no commands came")
+    segments += Segment.of(prepared, strange, "did not follow its commands")
+    predicted = np.concatenate([predict(best, drive) for drive in prepared])
+    return BaseFit(
+        estimates,
+        not_shown,
+        problem.times,
+        problem.measured,
+        predicted,
+        problem.used,
+        tuple(sorted(segments)),
+        int(spiky.sum()),
     )
 
 
-def _delayed(drive: _Drive, delay: float) -> FloatArray:
-    """Return the mean command of each step of the grid, late by ``delay``, shape (n, 2).
+def _fit(problem: Problem) -> tuple[FloatArray, list[FloatArray]]:
+    """Return the best solution and other minima, whatever the robot is described as."""
+    best, others = _refine(problem, _starts(problem), 1e-4)
+    # What is noise and what is not shows only now.
+    return _refine(problem.scaled(noise_of(problem, best)), [best, *others])
 
-    Means make it smooth in the delay, which may be any part of a step.
+
+def _refine(
+    problem: Problem, starts: list[FloatArray], tolerance: float = 1e-6
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Return the best of the minima that the starts lead to, and the others."""
+    found = sorted((problem.solve(start, tolerance) for start in starts), key=lambda one: one[1])
+    return found[0][0], [solution for solution, _ in found[1:KEPT_MINIMA]]
+
+
+def _starts(problem: Problem) -> list[FloatArray]:
+    """Return the most likely corners of a grid; each axis chooses its limits by itself."""
+    rated = []
+    for delay in START_DELAYS:
+        for lag in START_LAGS:
+            start = np.array([1.0, 1.0, 1.0, delay, lag, 0.0, 0.0, *HIGH[7:]])
+            total = 0.0
+            for axis in (0, 1):
+                cost, choice = min(
+                    (problem.axis_cost(_with(start, axis, *option), axis), n)
+                    for n, option in enumerate(_options(problem, axis))
+                )
+                start = _with(start, axis, *_options(problem, axis)[choice])
+                total += cost
+            rated.append((total, tuple(start)))
+    best = [np.array(start) for _, start in sorted(rated)[:KEPT_STARTS]]
+    # A limit of speed is not found by going downhill from where it does not matter.
+    cut = best[0].copy()
+    cut[list(LIMITS)] = problem.fastest
+    return [*best, cut]
+
+
+def _options(problem: Problem, axis: int) -> list[tuple[float, FloatArray]]:
+    limits = [HIGH[7:], problem.fastest]
+    return [(pair[axis], limit) for pair in START_ACCELERATIONS for limit in limits]
+
+
+def _with(start: FloatArray, axis: int, acceleration: float, limits: FloatArray) -> FloatArray:
+    changed = start.copy()
+    changed[5 + axis] = acceleration
+    for k in (7, 8) if axis == 0 else (9,):
+        changed[k] = limits[k - 7]
+    return np.clip(changed, LOW + 1e-6, HIGH - 1e-6)
+
+
+def _plain(problem: Problem, best: FloatArray) -> FloatArray:
+    """Return the solution without limits of speed that explain next to nothing.
+
+    Where a command asked for more than the base is said to do, its limit stays.
     """
-    edges = np.append(drive.grid, drive.grid[-1] + GRID_S) - delay
-    sums = np.stack(
-        [np.interp(edges, drive.command_times, drive.integral[:, axis]) for axis in (0, 1)], axis=-1
-    )
-    return np.diff(sums, axis=0) / GRID_S
-
-
-def _predict(parameters: FloatArray, drive: _Drive) -> FloatArray:
-    """Return v, w at the times of the odometry, shape (n, 2)."""
-    left, right, separation, delay, lag, linear, angular = parameters
-    command = _delayed(drive, delay)
-    across = 0.5 * drive.separation * command[:, 1]
-    wheel_left, wheel_right = left * (command[:, 0] - across), right * (command[:, 0] + across)
-    wanted = np.stack(
-        [
-            0.5 * (wheel_left + wheel_right),
-            (wheel_right - wheel_left) / (drive.separation * separation),
-        ],
-        axis=-1,
-    )
-    answer = np.empty((2, len(wanted)))
-    for axis, acceleration in enumerate((linear, angular)):
-        respond(np.ascontiguousarray(wanted[:, axis]), lag, acceleration, GRID_S, answer[axis])
-    ends = drive.grid + GRID_S
-    return np.stack([np.interp(drive.times, ends, answer[axis]) for axis in (0, 1)], axis=-1)
-
-
-def _errors(parameters: FloatArray, drive: _Drive) -> FloatArray:
-    return ((_predict(parameters, drive) - drive.measured) / drive.scale).ravel()
-
-
-def _spread(parameters: FloatArray, drive: _Drive) -> FloatArray:
-    """Return the standard error of each parameter, with errors that last as long as a block.
-
-    The sandwich of Huber (1967) with blocks for clusters. What the drive does not show is infinite.
-    """
-    base = _errors(parameters, drive)
-    steps = np.maximum(1e-4 * np.abs(parameters), 1e-5)
-    jacobian = np.empty((len(base), len(parameters)))
-    for k, step in enumerate(steps):
-        moved = parameters.copy()
-        moved[k] += step
-        jacobian[:, k] = (_errors(moved, drive) - base) / step
-    seen = np.abs(jacobian).max(axis=0) > 1e-9
-    spread = np.full(len(parameters), np.inf)
-    shown = jacobian[:, seen]
-    bread = np.linalg.pinv(shown.T @ shown)
-    block = np.repeat(((drive.times - drive.times[0]) / BLOCK_S).astype(int), 2)
-    scores = np.zeros((block.max() + 1, shown.shape[1]))
-    np.add.at(scores, block, shown * base[:, None])
-    spread[seen] = np.sqrt(np.diag(bread @ (scores.T @ scores) @ bread))
-    return spread
+    _, cost = problem.cost_of(best)
+    for k in LIMITS:
+        if best[k] >= problem.asked[k - 7] or problem.asked[k - 7] > problem.described[k - 7]:
+            continue
+        free = best.copy()
+        free[k] = HIGH[k]
+        solution, without = problem.solve(free)
+        if without - cost < CLEAR_COST:
+            best, cost = solution, without
+    return best

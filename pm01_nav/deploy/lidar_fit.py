@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from pm01_nav.deploy.base_fit import Estimate
 from pm01_nav.deploy.messages import Scan
 from pm01_nav.deploy.motion_check import returns_as_points
-from pm01_nav.deploy.scan_matching import match
+from pm01_nav.deploy.scan_matching import evenness, match
 from pm01_nav.geometry import to_frame, wrap_angle
 
 FloatArray = NDArray[np.float64]
@@ -29,6 +30,11 @@ RESAMPLES = 200
 PAIR_S = 0.8
 """Time between two scans that are matched [s]."""
 MAX_PAIRS = 300
+MIN_PAIRS = 10
+EVEN = 0.1
+"""So large a part of the walls must tell of each direction; noise turns some normals, too."""
+SCALES = (0.8, 1.25)
+"""An odometry that is further off, or not known to be nearer, was not measured."""
 
 
 def fit_noise(rest: list[tuple[Scan, Scan, Scan]]) -> dict[str, Estimate]:
@@ -112,12 +118,16 @@ def at_rest(scans: list[Scan], odometry: FloatArray) -> list[tuple[Scan, Scan, S
     return triples
 
 
-def fit_travel(scans: list[Scan], odometry: FloatArray, mount: FloatArray) -> dict[str, Estimate]:
+def fit_travel(
+    drives: Sequence[tuple[list[Scan], FloatArray]], mount: FloatArray
+) -> dict[str, Estimate]:
     """Compare odometry (n, 6) t, v, w, x, y, yaw with what scans say of the way.
 
-    ``travel_scale`` is true travel by odometry's, ``turn_scale`` the same of turns.
+    ``travel_scale`` is true travel by odometry's, ``turn_scale`` the same of turns; what is not
+    known within ``SCALES`` is missing.
     """
-    pairs = _pairs(scans, odometry)
+    pairs = [pair for scans, odometry in drives for pair in _pairs(scans, odometry)]
+    pairs = pairs[:: max(1, len(pairs) // MAX_PAIRS)]
     found = []
     for first, second, moved in pairs:
         points = [returns_as_points(scan, mount) for scan in (first, second)]
@@ -125,18 +135,22 @@ def fit_travel(scans: list[Scan], odometry: FloatArray, mount: FloatArray) -> di
             continue
         pose = match(points[0], points[1], moved)
         if pose is not None and np.abs(pose - moved).max() < 0.2:
-            found.append((*moved, *pose))
-    if len(found) < 10:
-        return {}
-    rows = np.array(found)
-    return {
-        "travel_scale": _ratio(rows[:, :2], rows[:, 3:5]),
-        "turn_scale": _ratio(rows[:, 2:3], rows[:, 5:6]),
-    }
+            found.append((*moved, *pose, evenness(points[0]) > EVEN))
+    rows = np.array(found).reshape(-1, 7)
+    way = rows[rows[:, 6] > 0.0]
+    scales = {}
+    if len(way) >= MIN_PAIRS:
+        scales["travel_scale"] = _ratio(way[:, :2], way[:, 3:5])
+    if len(rows) >= MIN_PAIRS:
+        scales["turn_scale"] = _ratio(rows[:, 2:3], rows[:, 5:6])
+    least, most = SCALES
+    return {name: one for name, one in scales.items() if least < one.low and one.high < most}
 
 
 def _pairs(scans: list[Scan], odometry: FloatArray) -> list[tuple[Scan, Scan, FloatArray]]:
     """Return scans some time apart, and the motion between them by odometry, (3,)."""
+    if not scans or not len(odometry):
+        return []
     stamps = np.array([scan.stamp for scan in scans])
     yaw = np.unwrap(odometry[:, 5])
     columns = (odometry[:, 3], odometry[:, 4], yaw)
@@ -150,7 +164,7 @@ def _pairs(scans: list[Scan], odometry: FloatArray) -> list[tuple[Scan, Scan, Fl
         moved = np.array([*to_frame(poses[later, :2], poses[k]), turn])
         if np.hypot(*moved[:2]) > 0.1 or abs(turn) > 0.2:
             pairs.append((scans[k], scans[later], moved))
-    return pairs[:: max(1, len(pairs) // MAX_PAIRS)]
+    return pairs
 
 
 def _ratio(odometry: FloatArray, true: FloatArray) -> Estimate:

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,10 @@ SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 MAX_MESSAGES = 2_000_000
 """More is refused: an hour at 100 Hz of everything has a million."""
+CLOCK_JUMP_S = 1.0
+"""Stamps that are later or earlier than the others by more are no measure of when it was [s]."""
+NO_TOPIC = "none"
+"""A drive may lack scans."""
 
 
 def _typestore() -> Any:
@@ -132,65 +138,160 @@ class Recording:
     """t, v, w, x, y, yaw, shape (n, 6), in order of time."""
     scans: list[Scan]
     """Their stamps are by the same clock."""
+    begin: float = 0.0
+    """When the bag begins [s]."""
 
 
 def read_recording(
-    path: str | Path, *, scan: str = "/scan", odometry: str = "/odom", command: str = "/cmd_vel"
+    path: str | Path,
+    *,
+    scan: str = "/scan",
+    odometry: str = "/odom",
+    command: str = "/cmd_vel",
+    begin: float | None = None,
+    end: float | None = None,
 ) -> Recording:
-    """Read a rosbag2 folder, SQLite or MCAP.
+    """Read a drive from a rosbag2 folder, an .mcap or .db3 file, or a ROS 1 .bag file.
+
+    ``begin`` and ``end`` [s after the bag begins] take a part of it; the commands before stay, as
+    the first of them may still be driven. ``scan="none"`` reads no scans.
 
     Raises:
-        InputError: rosbags is missing, the folder is no bag, or a topic is missing.
+        InputError: rosbags is missing, this is no bag, a topic is missing, or the part is empty.
     """
-    store = _typestore()
-    from rosbags.highlevel import AnyReader
-    from rosbags.highlevel.anyreader import AnyReaderError
-    from rosbags.rosbag2.errors import ReaderError
-
-    taken: dict[str, list[tuple[float, Any]]] = {scan: [], odometry: [], command: []}
-    try:
-        with AnyReader([Path(path)], default_typestore=store) as reader:
-            _refuse_strange(reader, path, taken)
-            wanted = [c for c in reader.connections if c.topic in taken]
-            for connection, nanoseconds, data in reader.messages(wanted):
-                message = reader.deserialize(data, connection.msgtype)
+    if len({scan, odometry, command}) < 3:
+        raise InputError(
+            f"{path}: scan, odometry and command need three topics; one is given twice"
+        )
+    kinds = {odometry: (ODOMETRY,), command: (TWIST, TWIST_STAMPED)}
+    if scan != NO_TOPIC:
+        kinds[scan] = (SCAN,)
+    taken: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in kinds}
+    with _opened(path) as (reader, deserialize):
+        _refuse_strange(reader, path, kinds)
+        first = 1e-9 * reader.start_time
+        _check_part(path, 1e-9 * reader.duration, begin, end)
+        with _readable(path):
+            for connection, nanoseconds, data in reader.messages(_wanted(reader, kinds)):
+                message = deserialize(data, connection.msgtype)
                 taken[connection.topic].append((1e-9 * nanoseconds, message))
-    except (AnyReaderError, ReaderError, OSError) as error:
-        raise InputError(f"{path}: is no readable rosbag2 folder: {error}") from error
     twists = [(t, getattr(m, "twist", m)) for t, m in taken[command]]
-    return Recording(
-        commands=np.array([(t, m.linear.x, m.angular.z) for t, m in twists], dtype=np.float64),
+    commands = np.array([(t, m.linear.x, m.angular.z) for t, m in twists], dtype=np.float64)
+    whole = Recording(
+        commands=_finite(commands),
         odometry=_odometry_rows(taken[odometry]),
-        scans=_scans(taken[scan]),
+        scans=_scans(taken.get(scan, [])),
+        begin=first,
+    )
+    return _part(whole, -math.inf if begin is None else begin, math.inf if end is None else end)
+
+
+@contextmanager
+def _readable(path: str | Path) -> Iterator[None]:
+    """Say in one line what is wrong with a bag; what its readers raise is documented nowhere."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            f"{path}: is no readable rosbag2 folder, .mcap, .db3 or .bag file: {reason}"
+        ) from error
+
+
+@contextmanager
+def _opened(path: str | Path) -> Iterator[tuple[Any, Callable[[bytes, str], Any]]]:
+    """Open a bag by what it is, whatever it is called."""
+    store = _typestore()
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_typestore
+
+    with _readable(path):
+        is_ros1 = Path(path).is_file() and _begins(Path(path)) == b"#ROSBAG"
+        if is_ros1:
+            store = get_typestore(Stores.ROS1_NOETIC)
+        reader: Any = (rosbag1 if is_ros1 else rosbag2).Reader(Path(path))
+        reader.open()
+    try:
+        yield reader, store.deserialize_ros1 if is_ros1 else store.deserialize_cdr
+    finally:
+        reader.close()
+
+
+def _begins(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(7)
+
+
+def _wanted(reader: Any, kinds: dict[str, tuple[str, ...]]) -> list[Any]:
+    return [connection for connection in reader.connections if connection.topic in kinds]
+
+
+def _refuse_strange(reader: Any, path: str | Path, kinds: dict[str, tuple[str, ...]]) -> None:
+    found = _wanted(reader, kinds)
+    for topic, allowed in kinds.items():
+        # In ROS 1 each publisher of a topic has a connection of its own.
+        if not any(c.msgcount for c in found if c.topic == topic):
+            names = ", ".join(sorted({c.topic for c in reader.connections})) or "none"
+            raise InputError(f"{path}: has no messages on {topic}; its topics: {names}")
+        strange = [c.msgtype for c in found if c.topic == topic and c.msgtype not in allowed]
+        if strange:
+            raise InputError(f"{path}: {topic} is {strange[0]}; needed: {' or '.join(allowed)}")
+    if sum(c.msgcount for c in found) > MAX_MESSAGES:
+        raise InputError(f"{path}: holds more than {MAX_MESSAGES} messages; record a shorter drive")
+
+
+def _check_part(path: str | Path, seconds: float, begin: float | None, end: float | None) -> None:
+    first, last = 0.0 if begin is None else begin, seconds if end is None else end
+    if not 0.0 <= first < seconds:
+        raise InputError(f"{path}: from = {first:g}: the bag is {seconds:.1f} s long")
+    if not first < last:
+        raise InputError(f"{path}: to = {last:g}: must be more than from = {first:g}")
+
+
+def _part(whole: Recording, begin: float, end: float) -> Recording:
+    first, last = whole.begin + begin, whole.begin + end
+    times = whole.odometry[:, 0]
+    return replace(
+        whole,
+        commands=whole.commands[whole.commands[:, 0] <= last],
+        odometry=whole.odometry[(times >= first) & (times <= last)],
+        scans=[scan for scan in whole.scans if first <= scan.stamp <= last],
     )
 
 
-def _refuse_strange(reader: Any, path: str | Path, topics: dict[str, Any]) -> None:
-    found = {c.topic: c for c in reader.connections}
-    for topic in topics:
-        if topic not in found or found[topic].msgcount == 0:
-            names = ", ".join(sorted(found)) or "none"
-            raise InputError(f"{path}: has no messages on {topic}; its topics: {names}")
-        if found[topic].msgtype not in (SCAN, ODOMETRY, TWIST, TWIST_STAMPED):
-            raise InputError(f"{path}: {topic} is {found[topic].msgtype}: cannot be used")
-    if reader.message_count > MAX_MESSAGES:
-        raise InputError(f"{path}: holds more than {MAX_MESSAGES} messages; record a shorter drive")
+def _finite(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    return rows[np.isfinite(rows).all(axis=1)]
+
+
+def _times(arrived: list[float], stamps: list[float]) -> NDArray[np.float64]:
+    """Return when messages were made, by the bag's clock [s].
+
+    That is their stamp and what the typical message was late by: commands, which have no stamps,
+    are as late. Stamps that have nothing to do with the bag's clock are not used.
+    """
+    late = np.array(arrived) - np.array(stamps)
+    typical = float(np.median(late))
+    sane = np.abs(late - typical) < CLOCK_JUMP_S
+    # Stamps may stand still, or go at a simulation's pace.
+    passed, told = (np.diff(np.quantile(times, [0.05, 0.95]))[0] for times in (arrived, stamps))
+    if sane.mean() < 0.9 or abs(told - passed) > 0.1 + 0.1 * passed:
+        return np.array(arrived)
+    return np.where(sane, np.array(stamps) + typical, np.array(arrived))
 
 
 def _odometry_rows(taken: list[tuple[float, Any]]) -> NDArray[np.float64]:
     """Return odometry by the time of its stamps, moved to the bag's clock."""
     ours = [odometry_from_ros(message) for _, message in taken]
-    apart = min(t - m.stamp for (t, _), m in zip(taken, ours, strict=True))
-    rows = np.array([[m.stamp + apart, *m.twist, *m.pose] for m in ours])
+    times = _times([t for t, _ in taken], [m.stamp for m in ours])
+    rows = np.array([[t, *m.twist, *m.pose] for t, m in zip(times, ours, strict=True)])
+    rows = _finite(rows)
     return rows[np.argsort(rows[:, 0], kind="stable")]
 
 
 def _scans(taken: list[tuple[float, Any]]) -> list[Scan]:
     ours = [scan_from_ros(message) for _, message in taken]
-    apart = min(t - m.stamp for (t, _), m in zip(taken, ours, strict=True))
-    moved = [Scan(m.stamp + apart, *_rest(m)) for m in ours]
+    times = _times([t for t, _ in taken], [m.stamp for m in ours]) if ours else []
+    moved = [replace(m, stamp=float(t)) for t, m in zip(times, ours, strict=True)]
     return sorted(moved, key=lambda scan: scan.stamp)
-
-
-def _rest(scan: Scan) -> tuple[Any, ...]:
-    return (scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, scan.ranges)

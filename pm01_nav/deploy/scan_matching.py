@@ -50,6 +50,14 @@ def match(before: FloatArray, after: FloatArray, guess: FloatArray) -> FloatArra
     return pose
 
 
+def evenness(points: FloatArray) -> float:
+    """Return how well points tell along from across: 0 in a corridor, 0.5 in a round room."""
+    normals, flat = _normals(points)
+    if flat.sum() < MIN_POINTS:
+        return 0.0
+    return float(np.linalg.eigvalsh(normals[flat].T @ normals[flat])[0] / flat.sum())
+
+
 def _step(
     moved: FloatArray, pose: FloatArray, normals: FloatArray, error: FloatArray
 ) -> FloatArray | None:
