@@ -16,7 +16,7 @@ from pm01_nav.deploy.messages import Scan
 from pm01_nav.deploy.recording import Recording
 from pm01_nav.deploy.scan_check import by_rep_117
 from pm01_nav.errors import InputError
-from pm01_nav.robot import LidarSpec, RobotSpec
+from pm01_nav.robot import Lidar, RobotSpec
 from pm01_nav.task.randomization import RandomizationConfig
 
 MIN_COMMANDS, MIN_ODOMETRY = 20, 200
@@ -71,7 +71,7 @@ def identify(recordings: Recording | Sequence[Recording], robot: RobotSpec) -> I
     return Identification(base, estimates | found, base.not_shown | missing)
 
 
-def _readings(drive: Recording, lidar: LidarSpec) -> list[Scan]:
+def _readings(drive: Recording, lidar: Lidar) -> list[Scan]:
     scans = [by_rep_117(scan, lidar.zero_means) for scan in drive.scans]
     return [scan.mirrored() for scan in scans] if lidar.upside_down else scans
 

