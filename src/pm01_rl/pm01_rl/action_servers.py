@@ -18,9 +18,9 @@ from pm01_rl.conversions import quaternion
 from pm01_rl.goals import Errand, Outcome, is_place, result
 
 ACTIONS = {"navigate_to_pose": NavigateToPose, "navigate_through_poses": NavigateThroughPoses}
-RESULT_TIMEOUT_S = 10
-"""Results are kept for so long for clients that ask late [s]; rclpy's 900 s cost memory, and time
-for each new goal."""
+RESULT_TIMEOUT_S = 2
+"""Results are kept for so long for clients that ask late [s]. Each kept one costs memory, and time
+for each new goal, since the status of all of them is published: rclpy keeps them for 900 s."""
 
 
 class GoalServer(ActionServer):
