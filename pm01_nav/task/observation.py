@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -232,12 +232,19 @@ def pool_sectors(ranges: Any, sectors: int) -> Any:
     if sectors == 0:
         return ranges
     xp = array_namespace(ranges)
-    begins = sector_begins(ranges.shape[-1], sectors)
-    widest = -(-ranges.shape[-1] // sectors)
-    # A sector that lacks a beam has its last one twice.
-    beams = [min(begin + j, end - 1) for begin, end in pairwise(begins) for j in range(widest)]
-    taken = xp.take(ranges, xp.asarray(beams, device=ranges.device), axis=-1)
-    return xp.min(xp.reshape(taken, (*ranges.shape[:-1], sectors, widest)), axis=-1)
+    num_beams = ranges.shape[-1]
+    if num_beams % sectors:
+        beams = xp.asarray(_beams_of_sectors(num_beams, sectors), device=ranges.device)
+        ranges = xp.take(ranges, beams, axis=-1)
+    return xp.min(xp.reshape(ranges, (*ranges.shape[:-1], sectors, -1)), axis=-1)
+
+
+@cache
+def _beams_of_sectors(num_beams: int, sectors: int) -> tuple[int, ...]:
+    """Return the beams of all sectors; where one lacks a beam, its last stands twice."""
+    widest = -(-num_beams // sectors)
+    begins = sector_begins(num_beams, sectors)
+    return tuple(min(a + j, b - 1) for a, b in pairwise(begins) for j in range(widest))
 
 
 def show_ranges(layout: ObservationLayout, nearest: Any, *, normalized: bool = False) -> Any:
