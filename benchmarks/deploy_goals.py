@@ -97,9 +97,11 @@ class Judge(Node):
         assert self.goal is not None
         started, before = self.time, self.collisions
         target = self.goal.pose.position
-        handle = driver = None
+        handle = driver = end = None
+        self.goal.pose.orientation.w = 0.0  # no heading: the policy is measured, not the turn
         if way == "rclpy":
             handle = self.wait(self.action.send_goal_async(NavigateToPose.Goal(pose=self.goal)))
+            end = handle.get_result_async()
         elif way == "dds":
             # Odometry is exact here, and its frame the world's; pm01 drive takes no other.
             self.goal.header.frame_id = "odom"
@@ -121,7 +123,7 @@ class Judge(Node):
         if handle is not None:
             if not result["reached"]:
                 self.wait(handle.cancel_goal_async())
-            result["action_status"] = self.wait(handle.get_result_async()).status
+            result["action_status"] = self.wait(end).status
         if driver is not None:
             stop(driver)
         return result

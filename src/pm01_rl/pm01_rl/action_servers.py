@@ -19,8 +19,9 @@ from pm01_rl.goals import Errand, Outcome, is_place, result
 
 ACTIONS = {"navigate_to_pose": NavigateToPose, "navigate_through_poses": NavigateThroughPoses}
 RESULT_TIMEOUT_S = 2
-"""Results are kept for so long for clients that ask late [s]. Each kept one costs memory, and time
-for each new goal, since the status of all of them is published: rclpy keeps them for 900 s."""
+"""Results are kept for so long for clients that ask late [s]. Humble counts from the acceptance, so
+a client has to ask soon after it, as those of rclpy, rclcpp and Nav2 do. Each kept result costs
+memory, and time for each new goal, since the status of all is published: by default for 900 s."""
 
 
 class GoalServer(ActionServer):
