@@ -95,11 +95,10 @@ def _proportion(count: int, total: int) -> Estimate:
     """Return a proportion with its Wilson interval."""
     if total == 0:
         return Estimate(math.nan, 0.0, 1.0)
-    z, share = 1.96, count / total
-    middle = (share + z * z / (2 * total)) / (1 + z * z / total)
-    half = z * math.sqrt(share * (1 - share) / total + z * z / (4 * total**2))
-    half /= 1 + z * z / total
-    return Estimate(share, max(0.0, middle - half), middle + half)
+    from scipy.stats import binomtest  # slow to import
+
+    low, high = binomtest(count, total).proportion_ci(method="wilson")
+    return Estimate(count / total, float(low), float(high))
 
 
 def at_rest(scans: list[Scan], odometry: FloatArray) -> list[tuple[Scan, Scan, Scan]]:
