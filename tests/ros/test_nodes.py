@@ -40,6 +40,23 @@ def test_drives_stops_for_the_emergency_stop_and_for_a_dead_sensor(
     assert watcher.commands[-1][0] - killed < 0.8
 
 
+def test_a_simulated_lidar_that_hangs_upside_down_is_one_that_does(
+    start, watcher, policy_file, tmp_path
+):
+    import yaml
+
+    from pm01_nav.robot import load_robot
+
+    robot = load_robot("pm01").model_dump(mode="json")
+    robot["lidar"]["upside_down"] = True
+    file = tmp_path / "robot.yaml"
+    file.write_text(yaml.safe_dump(robot))
+    start("sim_node", world="empty", robot=file)
+    start("policy_node", policy=policy_file, robot=file, autostart="true")
+    # It goes active only where tf and the description agree.
+    watcher.set_off()
+
+
 def test_the_watchdog_stops_a_base_whose_driver_is_killed(start, watcher):
     from geometry_msgs.msg import Twist
 

@@ -194,18 +194,22 @@ def test_a_lidar_whose_place_becomes_known_late_stops_the_robot(start, watcher, 
 @pytest.mark.parametrize(("described", "fits"), [(True, True), (False, False)])
 def test_a_lidar_that_hangs_head_down_must_be_described_so(described, fits):
     from geometry_msgs.msg import TransformStamped
+    from pm01_rl.conversions import quaternion
     from pm01_rl.lidar_mount import LidarMount
     from tf2_ros import Buffer
 
     from pm01_nav.robot import load_robot
 
-    lidar = load_robot("pm01").lidar.model_copy(update={"upside_down": described})
+    changes = {"upside_down": described, "yaw": 0.5}
+    lidar = load_robot("pm01").lidar.model_copy(update=changes)
     buffer = Buffer()
     transform = TransformStamped(child_frame_id="laser")
     transform.header.frame_id = "base_link"
     transform.transform.translation.x, transform.transform.translation.y = lidar.x, lidar.y
-    # Half a turn about x: z points down, x still ahead.
-    transform.transform.rotation.x, transform.transform.rotation.w = 1.0, 0.0
+    # Half a turn about x, z points down, then 0.5 rad about the robot's z.
+    turn = transform.transform.rotation = quaternion(0.5, upside_down=True)
+    assert (turn.x, turn.y) == pytest.approx((0.9689124, 0.2474040))
+    assert (turn.z, turn.w) == (0.0, 0.0)
     buffer.set_transform_static(transform, "test")
     mount = LidarMount(lidar, "base_link", buffer)
     mount.look("laser")

@@ -21,9 +21,12 @@ def time_message(seconds: float) -> Time:
     return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
 
 
-def quaternion(yaw: float) -> Quaternion:
-    """Return a heading on the floor [rad]."""
-    return Quaternion(x=0.0, y=0.0, z=math.sin(0.5 * yaw), w=math.cos(0.5 * yaw))
+def quaternion(yaw: float, *, upside_down: bool = False) -> Quaternion:
+    """Return a heading on the floor [rad], of what may hang upside down, turned about its x."""
+    sine, cosine = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+    if upside_down:
+        return Quaternion(x=cosine, y=sine, z=0.0, w=0.0)
+    return Quaternion(x=0.0, y=0.0, z=sine, w=cosine)
 
 
 def twist_message(command: tuple[float, float]) -> Twist:

@@ -23,6 +23,7 @@ from pm01_nav.deploy.simulated_robot import SimulatedRobot, simulated_robot
 from pm01_nav.errors import InputError
 from pm01_rl.conversions import (
     odometry_message,
+    quaternion,
     scan_message,
     time_message,
     transform_message,
@@ -89,6 +90,7 @@ class SimNode(Node):
         mount = np.array([lidar.x, lidar.y, lidar.yaw])
         frame = str(self._value("scan_frame"))
         fixed = transform_message(mount, now, self._frames[1], frame)
+        fixed.transform.rotation = quaternion(lidar.yaw, upside_down=lidar.upside_down)
         self._fixed_out.publish(TFMessage(transforms=[fixed]))
         goal = PoseStamped()
         goal.header.stamp, goal.header.frame_id = time_message(now), "map"
