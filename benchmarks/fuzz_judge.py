@@ -53,8 +53,8 @@ class Topic:
         return True
 
     def forget(self) -> None:
-        """Begin anew: after a jump nobody knows what came before."""
-        self.message, self.stamp, self.frame, self.changed = None, -math.inf, "", False
+        """Begin anew after a jump; what is overtaken by what came before it stays so."""
+        self.message, self.frame, self.changed = None, "", False
 
 
 class Judge:
