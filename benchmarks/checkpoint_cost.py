@@ -20,10 +20,10 @@ import numpy as np
 from report import write_report
 
 from pm01_nav.task.tasks import task_config
-from pm01_nav.train.config import RunConfig, TrainConfig, algorithm_defaults
-from pm01_nav.train.run_folder import RunFolder
-from pm01_nav.train.supervision import Supervision
-from pm01_nav.train.trainer import train
+from pm01_nav.training.config import RunConfig, TrainConfig, algorithm_defaults
+from pm01_nav.training.run_folder import RunFolder
+from pm01_nav.training.supervision import Supervision
+from pm01_nav.training.trainer import train
 
 CASES: dict[str, dict[str, Any]] = {
     "ppo": {},

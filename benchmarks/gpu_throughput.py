@@ -28,8 +28,8 @@ from pm01_nav.sim.cuda_simulator import CudaSimulator
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
-from pm01_nav.train.config import TrainConfig, device_defaults
-from pm01_nav.train.rsl_ppo import Rollouts, make_algorithm
+from pm01_nav.training.config import TrainConfig, device_defaults
+from pm01_nav.training.rsl_ppo import Rollouts, make_algorithm
 from pm01_nav.worlds.pool import WorldPool, generate_pool
 
 PARTS = ("simulator", "environment", "learner", "time_to_99")

@@ -28,9 +28,9 @@ from pm01_nav.envs.sb3_vec_env import NavVecEnv
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
-from pm01_nav.train.algorithm_config import PPOConfig
-from pm01_nav.train.ppo import PPO_ALGORITHM
-from pm01_nav.train.runtime import keep_freed_memory
+from pm01_nav.training.algorithm_config import PPOConfig
+from pm01_nav.training.ppo import PPO_ALGORITHM
+from pm01_nav.training.runtime import keep_freed_memory
 
 
 class IdleVecEnv(NavVecEnv):

@@ -18,7 +18,7 @@ from typing import Any
 
 from report import write_report
 
-from pm01_nav.train.statistics import time_to
+from pm01_nav.training.statistics import time_to
 
 LEVELS = (0.95, 0.99)
 """The time at which an evaluation on the way first shows these rates of success is told."""

@@ -24,7 +24,7 @@ def command(out: str, time_budget: float, episodes: int, seed: int) -> None:
     from pm01_nav.cli.display import results_table
     from pm01_nav.cli.train import run_config, run_training
     from pm01_nav.task.tasks import task_config
-    from pm01_nav.train.run_folder import RunFolder
+    from pm01_nav.training.run_folder import RunFolder
 
     task = task_config("static")
     config = run_config(task, {"seed": seed, "time_budget": time_budget}, "demo")

@@ -176,8 +176,8 @@ def _threads() -> list[Finding]:
 
     from pm01_nav.task.config import observation_layout
     from pm01_nav.task.tasks import task_config
-    from pm01_nav.train.algorithm_config import PPOConfig
-    from pm01_nav.train.runtime import choose_threads
+    from pm01_nav.training.algorithm_config import PPOConfig
+    from pm01_nav.training.runtime import choose_threads
 
     ppo, task = PPOConfig.model_validate({}), task_config("static")
     size = observation_layout(task, task.robot_spec()).size

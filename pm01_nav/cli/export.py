@@ -16,8 +16,8 @@ def command(run: str, output: str) -> None:
     which lidar and robot it fits and how it was made. It needs numpy and onnxruntime to run.
     """
     from pm01_nav.config import check_output
-    from pm01_nav.train.run_folder import RunFolder
-    from pm01_nav.train.trainer import export_best
+    from pm01_nav.training.run_folder import RunFolder
+    from pm01_nav.training.trainer import export_best
 
     folder = RunFolder(run)
     config = folder.load_config()

@@ -12,7 +12,7 @@ from pm01_nav.cli.options import randomization_option, ray_option, task_options
 from pm01_nav.cli.train import fresh_config, training_options
 
 if TYPE_CHECKING:
-    from pm01_nav.train.config import RunConfig
+    from pm01_nav.training.config import RunConfig
 
 EVAL_EVERY = 250_000
 """Steps between two points of a learning curve, which `pm01 train` alone needs less densely."""
@@ -72,7 +72,7 @@ def command(
     from pm01_nav.errors import InputError
     from pm01_nav.executors import make_executor
     from pm01_nav.rendering.sweep_plot import plot_sweep
-    from pm01_nav.train.sweep import SeedJob, Sweep, suite_task
+    from pm01_nav.training.sweep import SeedJob, Sweep, suite_task
 
     config = fresh_config(options, {"eval_every": EVAL_EVERY})
     suites = tuple(dict.fromkeys(suites))

@@ -19,7 +19,7 @@ from pm01_nav.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from pm01_nav.train.config import RunConfig
+    from pm01_nav.training.config import RunConfig
 
 DEFAULT_TIME_BUDGET = 60.0
 FLAGS = ("algo", "preset", "learner", "device", "curriculum", "seed")
@@ -131,7 +131,7 @@ def command(**options: Any) -> None:
       pm01 train --task static --backend gazebo --n-envs 4 --time-budget 3600 --out runs/gazebo
     """
     from pm01_nav.errors import InputError
-    from pm01_nav.train.run_folder import RunFolder
+    from pm01_nav.training.run_folder import RunFolder
 
     resume, out = options.pop("resume"), options.pop("out")
     force, ray = options.pop("force"), options.pop("ray")
@@ -160,7 +160,7 @@ def run_training(
     """Train with a progress display; say what came of it."""
     from pm01_nav.cli.display import TrainingDisplay
     from pm01_nav.executors import INTERRUPTED
-    from pm01_nav.train.trainer import train
+    from pm01_nav.training.trainer import train
 
     with TrainingDisplay() as display:
         result = train(
@@ -194,7 +194,7 @@ def run_config(
         InputError: a key is unknown or a value not allowed.
     """
     from pm01_nav.config import merge, validate
-    from pm01_nav.train.config import (
+    from pm01_nav.training.config import (
         RunConfig,
         algorithm_defaults,
         backend_defaults,
@@ -225,7 +225,7 @@ def fresh_config(options: dict[str, Any], defaults: dict[str, Any] | None = None
         InputError: something is unknown or not allowed.
     """
     from pm01_nav.config import merge
-    from pm01_nav.train.config import preset_defaults
+    from pm01_nav.training.config import preset_defaults
 
     flags = {name: options.pop(name, None) for name in FLAGS}
     n_envs, file = options.pop("n_envs"), options["config_file"]
@@ -242,7 +242,7 @@ def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
     from pm01_nav.config import merge
     from pm01_nav.errors import InputError
     from pm01_nav.task.given_files import stored_task
-    from pm01_nav.train.run_folder import RunFolder
+    from pm01_nav.training.run_folder import RunFolder
 
     if options["config_file"]:
         raise InputError("--resume goes on with its own config.yaml; leave --config away")

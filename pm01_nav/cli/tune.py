@@ -70,7 +70,7 @@ def command(
     from pm01_nav.cli.display import tuning_table
     from pm01_nav.errors import InputError
     from pm01_nav.executors import make_executor
-    from pm01_nav.train.tuning import Tuning, default_space, load_space
+    from pm01_nav.training.tuning import Tuning, default_space, load_space
 
     if ray_address and not storage:
         raise InputError("ray: several machines need --storage, a database that all of them reach")

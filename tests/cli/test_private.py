@@ -22,7 +22,7 @@ from pm01_nav.policy import OnnxPolicy
 from pm01_nav.policy.onnx_file import cleaned, set_metadata
 from pm01_nav.provenance import shown, shown_command, shown_path
 from pm01_nav.robot import load_robot
-from pm01_nav.train.run_folder import RunFolder
+from pm01_nav.training.run_folder import RunFolder
 from pm01_nav.worlds.files import read_world
 from pm01_nav.zoo import FOLDER, zoo_names
 

@@ -18,8 +18,8 @@ import torch
 from pm01_nav.policy.export import export_policy, policy_metadata
 from pm01_nav.task.config import observation_layout
 from pm01_nav.task.tasks import task_config
-from pm01_nav.train.algorithm_config import PPOConfig
-from pm01_nav.train.ppo import make_policy
+from pm01_nav.training.algorithm_config import PPOConfig
+from pm01_nav.training.ppo import make_policy
 
 
 def pytest_collection_modifyitems(items):

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a policy is trained."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from pm01_nav.arrays import Device
+from pm01_nav.backends import MOST_ROBOTS
+from pm01_nav.config import FrozenModel
+from pm01_nav.robot import Positive
+from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.curriculum import AutomaticConfig, CurriculumName, StagedConfig
+from pm01_nav.training.algorithm_config import (
+    AlgorithmConfig,
+    Count,
+    PPOConfig,
+    PPOLSTMConfig,
+    SACConfig,
+    TD3Config,
+    TQCConfig,
+)
+from pm01_nav.training.curiosity_config import ICMConfig, RNDConfig
+from pm01_nav.training.hyperparameters import stored_values
+
+AlgorithmName = Literal["ppo", "ppo_lstm", "sac", "td3", "tqc"]
+OFF_POLICY = ("sac", "td3", "tqc")
+
+
+def algorithm_defaults(algo: str) -> dict[str, Any]:
+    """Return settings of ``train`` that suit an algorithm better than those for PPO.
+
+    With a replay buffer a step costs several times as much and teaches more, and success wavers
+    from one evaluation to the next: the best of many is kept.
+    """
+    return {"eval_every": 100_000} if algo in OFF_POLICY else {}
+
+
+def preset_defaults(preset: str) -> dict[str, dict[str, Any]]:
+    """Return what a preset changes of ``task`` and ``train``, beside hyper-parameters.
+
+    In some seconds a policy sees few worlds, and an evaluation is a large part of the budget.
+    """
+    if preset != "quick":
+        return {}
+    return {"task": {"num_worlds": 256}, "train": {"eval_every": 1_000_000}}
+
+
+def device_defaults(device: str) -> dict[str, Any]:
+    """Return settings of ``train`` that suit a device better than those for the CPU."""
+    if device != "cuda":
+        return {}
+    ppo = {"n_envs": 4096, "n_steps": 28, "batch_size": 14336}
+    return {"learner": "rsl_rl", "eval_every": 50_000_000, "ppo": ppo}
+
+
+def backend_defaults(backend: str) -> dict[str, Any]:
+    """Return settings of ``train`` for a backend that makes a hundred steps/s, not a million."""
+    if backend not in MOST_ROBOTS:
+        return {}
+    n_envs = MOST_ROBOTS[backend]
+    few = {"n_envs": n_envs, "n_steps": 256, "batch_size": 256}
+    ppo = few | {"n_epochs": 10, "learning_rate": 3e-4, "learning_rate_final": 1.0}
+    off_policy = {"n_envs": n_envs, "learning_starts": 1000}
+    sections = {"ppo": ppo, **{name: off_policy for name in OFF_POLICY}}
+    return {"eval_every": 50_000, "eval_episodes": 20, **sections}
+
+
+class TrainConfig(FrozenModel):
+    """One training run: what, how, how long and how often to look."""
+
+    algo: AlgorithmName = "ppo"
+    """The algorithm; its hyper-parameters stand in the section of its name."""
+    preset: Literal["default", "quick"] = "default"
+    """Hyper-parameters to begin with; ``quick`` is PPO for budgets of some seconds."""
+    learner: Literal["sb3", "rsl_rl"] = "sb3"
+    """Who implements the algorithm: Stable-Baselines3, or rsl_rl, made for thousands of robots."""
+    device: Device = "cpu"
+    """Where robots are simulated and, with rsl_rl, the policy learns; ``cuda`` is an NVIDIA GPU."""
+    seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
+    steps: Count | None = None
+    """Environment steps, all robots together."""
+    time_budget: Positive | None = None
+    """Seconds from the start of the command; whichever of the two comes first ends the run."""
+    eval_every: Count = 1_000_000
+    """Steps between two evaluations on held-out worlds."""
+    eval_episodes: Count = 512
+    checkpoint_every: Positive = 10.0
+    """Seconds between two checkpoints."""
+    threads: Annotated[int, Field(ge=0)] = 0
+    """Threads of the learner; 0 measures at the start which number is fastest."""
+    workers: Count | None = None
+    """Processes or machines that collect the experience, each with its share of the robots."""
+    ppo: PPOConfig = PPOConfig.model_validate({})
+    ppo_lstm: PPOLSTMConfig = PPOLSTMConfig.model_validate({})
+    sac: SACConfig = SACConfig.model_validate({})
+    td3: TD3Config = TD3Config.model_validate({})
+    tqc: TQCConfig = TQCConfig.model_validate({})
+    track: Literal["none", "wandb"] = "none"
+    """Where metrics go beside TensorBoard."""
+    icm: ICMConfig | None = None
+    """Intrinsic curiosity beside the task's reward; ``{}`` takes its defaults."""
+    rnd: RNDConfig | None = None
+    """Random network distillation likewise; both can be had at once."""
+    curriculum: CurriculumName = "none"
+    """How the worlds of the training episodes are chosen."""
+    staged: StagedConfig = StagedConfig()
+    """For ``curriculum: staged``."""
+    automatic: AutomaticConfig = AutomaticConfig()
+    """For ``curriculum: automatic``."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _over_preset(cls, given: Any) -> Any:
+        if not isinstance(given, Mapping) or given.get("preset") != "quick":
+            return given
+        if given.get("algo", "ppo") != "ppo":
+            raise ValueError("preset = quick: is for ppo alone")
+        own = given.get("ppo", {})
+        if not isinstance(own, Mapping):
+            return given
+        return {**given, "ppo": {**stored_values("ppo_quick"), **own}}
+
+    @model_validator(mode="after")
+    def _ends(self) -> TrainConfig:
+        if self.steps is None and self.time_budget is None:
+            raise ValueError("give steps, time_budget or both")
+        if self.learner == "sb3" and self.device != "cpu":
+            raise ValueError(f"device = {self.device}: needs learner = rsl_rl")
+        if self.learner == "rsl_rl":
+            self._check_rsl_rl()
+        if self.workers is not None:
+            self._check_workers(self.workers)
+        return self
+
+    def _check_rsl_rl(self) -> None:
+        if self.algo != "ppo":
+            raise ValueError(f"algo = {self.algo}: rsl_rl has ppo alone; give learner = sb3")
+        plain = {"features_extractor": "flat", "asymmetric_critic": False}
+        plain |= {"norm_obs": False, "norm_reward": False}
+        for name, value in plain.items():
+            if getattr(self.ppo, name) != value:
+                raise ValueError(f"ppo.{name}: rsl_rl does not have it; give learner = sb3")
+        for name in ("icm", "rnd"):
+            if getattr(self, name) is not None:
+                raise ValueError(f"{name}: rsl_rl does not have it; give learner = sb3")
+
+    def _check_workers(self, workers: int) -> None:
+        if self.algo != "ppo" or self.learner != "sb3":
+            raise ValueError(f"workers = {workers}: they collect for algo ppo, learner sb3 alone")
+        # Their statistics would have to be shared step by step.
+        shared = {"ppo.norm_obs": self.ppo.norm_obs, "ppo.norm_reward": self.ppo.norm_reward}
+        shared |= {"icm": self.icm is not None, "rnd": self.rnd is not None}
+        for name, given in shared.items():
+            if given:
+                raise ValueError(f"{name}: cannot be had with workers")
+        if self.ppo.n_envs % workers:
+            raise ValueError(f"workers = {workers}: must divide ppo.n_envs = {self.ppo.n_envs}")
+
+    @property
+    def hyperparameters(self) -> AlgorithmConfig:
+        """The section of the algorithm in use."""
+        return getattr(self, self.algo)
+
+
+class RunConfig(FrozenModel):
+    """The whole configuration of a run, as stored in its ``config.yaml``."""
+
+    task: TaskConfig
+    train: TrainConfig
