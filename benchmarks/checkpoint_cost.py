@@ -22,7 +22,7 @@ from report import write_report
 from pm01_nav.task.tasks import task_config
 from pm01_nav.training.config import RunConfig, TrainConfig, algorithm_defaults
 from pm01_nav.training.run_folder import RunFolder
-from pm01_nav.training.supervision import Supervision
+from pm01_nav.training.supervision import NoProgress, Supervision
 from pm01_nav.training.trainer import train
 
 CASES: dict[str, dict[str, Any]] = {
@@ -32,22 +32,6 @@ CASES: dict[str, dict[str, Any]] = {
     "sac": {"algo": "sac"},
 }
 NEVER = 1e9
-
-
-class Silent:
-    """Shows nothing."""
-
-    def started(self, message: str) -> None:
-        """Show nothing."""
-
-    def iteration(self, fraction: float, row: dict[str, float], steps_per_second: float) -> None:
-        """Show nothing."""
-
-    def evaluated(self, steps: int, summary: dict[str, Any]) -> None:
-        """Show nothing."""
-
-    def warned(self, steps: int, text: str) -> None:
-        """Show nothing."""
 
 
 class Timed:
@@ -83,7 +67,7 @@ def measure(case: dict[str, Any], checkpoint_every: float, budget: float) -> dic
     config = RunConfig(task=task_config("static"), train=TrainConfig.model_validate(settings))
     with tempfile.TemporaryDirectory() as folder, Timed() as saved:
         run = RunFolder(Path(folder) / "run")
-        steps = train(config, run, Silent(), started_at=time.perf_counter()).steps
+        steps = train(config, run, NoProgress(), started_at=time.perf_counter()).steps
         size = run.last.stat().st_size
     # From the save after the first iteration to the last one, which every run has at its end.
     seconds = max(saved.begun[-1] - saved.begun[0], 1e-9)

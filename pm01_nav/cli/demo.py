@@ -22,8 +22,9 @@ def command(out: str, time_budget: float, episodes: int, seed: int) -> None:
     from rich.console import Console
 
     from pm01_nav.cli.display import results_table
-    from pm01_nav.cli.train import run_config, run_training
+    from pm01_nav.cli.train import run_training
     from pm01_nav.task.tasks import task_config
+    from pm01_nav.training.config import run_config
     from pm01_nav.training.run_folder import RunFolder
 
     task = task_config("static")

@@ -21,7 +21,6 @@ from pm01_nav.cli.options import (
 if TYPE_CHECKING:
     from pm01_nav.training.config import RunConfig
 
-DEFAULT_TIME_BUDGET = 60.0
 FLAGS = ("algo", "preset", "learner", "device", "curriculum", "seed")
 FLAGS += ("time_budget", "steps", "track", "workers")
 """Options that are keys of ``train``."""
@@ -183,39 +182,6 @@ def run_training(
     return result
 
 
-def run_config(
-    task: Any, train_settings: dict[str, Any], source: str, defaults: dict[str, Any] | None = None
-) -> RunConfig:
-    """Return a run's whole configuration; without any end it gets the default time budget.
-
-    ``defaults`` stand below all others.
-
-    Raises:
-        InputError: a key is unknown or a value not allowed.
-    """
-    from pm01_nav.config import merge, validate
-    from pm01_nav.training.config import (
-        RunConfig,
-        algorithm_defaults,
-        backend_defaults,
-        device_defaults,
-        preset_defaults,
-    )
-
-    settings = defaults or {}
-    for more in (
-        algorithm_defaults(train_settings.get("algo") or "ppo"),
-        device_defaults(train_settings.get("device") or "cpu"),
-        backend_defaults(task.backend),
-        preset_defaults(train_settings.get("preset") or "default").get("train", {}),
-        train_settings,
-    ):
-        settings = merge(settings, more)
-    if settings.get("steps") is None and settings.get("time_budget") is None:
-        settings["time_budget"] = DEFAULT_TIME_BUDGET
-    return validate(RunConfig, {"task": task.model_dump(), "train": settings}, source)
-
-
 def fresh_config(options: dict[str, Any], defaults: dict[str, Any] | None = None) -> RunConfig:
     """Return the configuration that the options of a new run describe; they are used up.
 
@@ -225,7 +191,7 @@ def fresh_config(options: dict[str, Any], defaults: dict[str, Any] | None = None
         InputError: something is unknown or not allowed.
     """
     from pm01_nav.config import merge
-    from pm01_nav.training.config import preset_defaults
+    from pm01_nav.training.config import preset_defaults, run_config
 
     flags = {name: options.pop(name, None) for name in FLAGS}
     n_envs, file = options.pop("n_envs"), options["config_file"]
@@ -242,6 +208,7 @@ def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
     from pm01_nav.config import merge
     from pm01_nav.errors import InputError
     from pm01_nav.task.given_files import stored_task
+    from pm01_nav.training.config import run_config
     from pm01_nav.training.run_folder import RunFolder
 
     if options["config_file"]:

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from pm01_nav.arrays import Device
 from pm01_nav.backends import MOST_ROBOTS
-from pm01_nav.config import FrozenModel
+from pm01_nav.config import FrozenModel, merge, validate
 from pm01_nav.robot import Positive
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.curriculum import AutomaticConfig, CurriculumName, StagedConfig
@@ -28,6 +28,8 @@ from pm01_nav.training.hyperparameters import stored_values
 
 AlgorithmName = Literal["ppo", "ppo_lstm", "sac", "td3", "tqc"]
 OFF_POLICY = ("sac", "td3", "tqc")
+DEFAULT_TIME_BUDGET = 60.0
+"""Of a run that is told no end [s]."""
 
 
 def algorithm_defaults(algo: str) -> dict[str, Any]:
@@ -171,3 +173,32 @@ class RunConfig(FrozenModel):
 
     task: TaskConfig
     train: TrainConfig
+
+
+def run_config(
+    task: TaskConfig,
+    train_settings: dict[str, Any],
+    source: str,
+    defaults: dict[str, Any] | None = None,
+) -> RunConfig:
+    """Return a run's whole configuration from settings of ``train``.
+
+    Without steps and without a time budget it gets the default one.
+
+    ``defaults`` stand below all others.
+
+    Raises:
+        InputError: a key is unknown or a value not allowed.
+    """
+    settings = defaults or {}
+    for more in (
+        algorithm_defaults(train_settings.get("algo") or "ppo"),
+        device_defaults(train_settings.get("device") or "cpu"),
+        backend_defaults(task.backend),
+        preset_defaults(train_settings.get("preset") or "default").get("train", {}),
+        train_settings,
+    ):
+        settings = merge(settings, more)
+    if settings.get("steps") is None and settings.get("time_budget") is None:
+        settings["time_budget"] = DEFAULT_TIME_BUDGET
+    return validate(RunConfig, {"task": task.model_dump(), "train": settings}, source)

@@ -59,6 +59,22 @@ class Progress(Protocol):
         """Show what seems to go wrong."""
 
 
+class NoProgress:
+    """Shows nothing."""
+
+    def started(self, message: str) -> None:
+        """Show nothing."""
+
+    def iteration(self, fraction: float, row: dict[str, float], steps_per_second: float) -> None:
+        """Show nothing."""
+
+    def evaluated(self, steps: int, summary: dict[str, Any]) -> None:
+        """Show nothing."""
+
+    def warned(self, steps: int, text: str) -> None:
+        """Show nothing."""
+
+
 @dataclass(frozen=True)
 class TrainResult:
     """How a run ended."""

@@ -6,8 +6,8 @@ from __future__ import annotations
 import pytest
 
 from pm01_nav.backends import MOST_ROBOTS
-from pm01_nav.cli.train import run_config
 from pm01_nav.task.tasks import task_config
+from pm01_nav.training.config import run_config
 
 GAZEBO = task_config("static").model_copy(update={"backend": "gazebo"})
 

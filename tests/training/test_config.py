@@ -6,9 +6,9 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from pm01_nav.cli.train import fresh_config, run_config
+from pm01_nav.cli.train import fresh_config
 from pm01_nav.task.tasks import task_config
-from pm01_nav.training.config import TrainConfig
+from pm01_nav.training.config import TrainConfig, run_config
 
 
 def test_a_preset_stands_below_what_is_given():
