@@ -9,7 +9,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_FLAGS := --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: demo test lint format type imports unit test-slow bench clean help
+.PHONY: demo docs test lint format type imports unit test-slow bench clean help
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -35,6 +35,9 @@ unit: $(VENV)/.dev  ## tests, without the slow ones
 
 test-slow: $(VENV)/.dev  ## the slow tests
 	$(BIN)/pytest -m slow
+
+docs: $(VENV)/.docs  ## the documentation site into build/docs; a warning fails
+	$(BIN)/sphinx-build -q -W --keep-going -E -c docs -d build/doctrees . build/docs
 
 format: $(VENV)/.dev  ## mend what can be mended by machine
 	$(BIN)/ruff check --fix .
@@ -68,4 +71,9 @@ $(VENV)/.demo: pyproject.toml constraints.txt $(VENV)/.torch
 $(VENV)/.dev: pyproject.toml constraints.txt $(VENV)/.torch
 	@echo "installing the development tools (once)"
 	$(BIN)/pip install $(PIP_FLAGS) -e '.[dev]'
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.demo
+	@echo "installing the documentation tools (once)"
+	$(BIN)/pip install $(PIP_FLAGS) -e '.[train,viz,docs]'
 	@touch $@
