@@ -9,7 +9,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_FLAGS := --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: demo docs test lint format type imports unit test-slow bench clean help
+.PHONY: demo docs test lint format type imports unit test-slow wheel bench clean help
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -38,6 +38,10 @@ test-slow: $(VENV)/.dev  ## the slow tests
 
 docs: $(VENV)/.docs  ## the documentation site into build/docs; a warning fails
 	$(BIN)/sphinx-build -q -W --keep-going -E -c docs -d build/doctrees . build/docs
+
+wheel: $(VENV)/.dev  ## build a wheel and an sdist into dist/, and use the wheel without the checkout
+	$(BIN)/pytest -m slow tests/packaging
+	$(BIN)/python -m build --no-isolation --outdir dist
 
 format: $(VENV)/.dev  ## mend what can be mended by machine
 	$(BIN)/ruff check --fix .

@@ -9,14 +9,11 @@ from __future__ import annotations
 
 import os
 import random
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from torch.serialization import get_crc32_options, set_crc32_options
 
 from pm01_nav.errors import InputError
 from pm01_nav.training.environment import environment_state, restore_environment
@@ -63,20 +60,8 @@ def _weights(model: Any) -> dict[str, Any]:
 def _write(path: Path, data: dict[str, Any]) -> None:
     """Write a checkpoint under a temporary name and rename it."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    with _without_checksums():
-        torch.save(data, temporary)
+    torch.save(data, temporary)
     temporary.replace(path)
-
-
-@contextmanager
-def _without_checksums() -> Iterator[None]:
-    """Let torch write without CRC32, which takes longer than the rest for a replay buffer."""
-    before = get_crc32_options()
-    set_crc32_options(False)
-    try:
-        yield
-    finally:
-        set_crc32_options(before)
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:

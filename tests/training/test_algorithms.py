@@ -9,7 +9,6 @@ import time
 import numpy as np
 import pytest
 import torch
-from tests.train.progress import Quiet
 
 from pm01_nav.policy import OnnxPolicy
 from pm01_nav.policy.export import greedy_policy
@@ -21,6 +20,7 @@ from pm01_nav.training.config import RunConfig, TrainConfig
 from pm01_nav.training.environment import stored_statistics
 from pm01_nav.training.run_folder import RunFolder
 from pm01_nav.training.trainer import train
+from tests.training.progress import Quiet
 
 SAMPLES = 8 * 16  # one iteration
 ON_POLICY = {"n_envs": 8, "n_steps": 16, "batch_size": 64, "n_epochs": 2, "net_arch": [16]}

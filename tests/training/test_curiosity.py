@@ -10,13 +10,13 @@ import pytest
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
-from tests.train.progress import Quiet
-from tests.train.test_algorithms import config, curve, same
 
 from pm01_nav.training.curiosity import ICM, RND, IntrinsicReward, add_curiosity, intrinsic_rewards
 from pm01_nav.training.curiosity_config import ICMConfig, RNDConfig
 from pm01_nav.training.run_folder import RunFolder
 from pm01_nav.training.trainer import train
+from tests.training.progress import Quiet
+from tests.training.test_algorithms import config, curve, same
 
 SMALL = {"hidden_size": 8, "feature_size": 4, "update_every": 4, "batch_size": 16, "share": 1.0}
 

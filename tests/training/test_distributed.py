@@ -12,11 +12,11 @@ from collections.abc import Callable
 
 import pytest
 import torch
-from tests.train.progress import Quiet
-from tests.train.test_training import SAMPLES, config, curve, parameters, run
 
 from pm01_nav.errors import InputError
 from pm01_nav.training.config import TrainConfig
+from tests.training.progress import Quiet
+from tests.training.test_training import SAMPLES, config, curve, parameters, run
 
 
 @pytest.fixture(scope="module")

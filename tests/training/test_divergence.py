@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import pytest
 import torch
-from tests.train.progress import Quiet
-from tests.train.test_algorithms import config
 
 from pm01_nav.errors import InputError
 from pm01_nav.training.divergence import check_finite, divergence_told
 from pm01_nav.training.run_folder import RunFolder
 from pm01_nav.training.trainer import train
+from tests.training.progress import Quiet
+from tests.training.test_algorithms import config
 
 
 def policy(weight: float = 1.0) -> torch.nn.Module:

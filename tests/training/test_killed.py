@@ -12,14 +12,14 @@ from importlib.util import find_spec
 
 import pytest
 import torch
-from tests.train import test_algorithms, test_rsl_ppo, test_training
-from tests.train.progress import Quiet
-from tests.train.test_algorithms import same
 
 from pm01_nav.errors import InputError
 from pm01_nav.policy import OnnxPolicy
 from pm01_nav.training import checkpoint, trainer
 from pm01_nav.training.pace import Pace
+from tests.training import test_algorithms, test_rsl_ppo, test_training
+from tests.training.progress import Quiet
+from tests.training.test_algorithms import same
 
 RARELY = {"checkpoint_every": 1000.0, "eval_every": 10**9}
 NEEDS_RSL_RL = pytest.mark.skipif(find_spec("rsl_rl") is None, reason="needs the extra `gpu`")
@@ -32,8 +32,8 @@ CASES = [
 ]
 KILLED_IN_SECOND_ITERATION = """
 import os, pathlib, signal, sys
-from tests.train import test_training
-from tests.train.progress import Quiet
+from tests.training import test_training
+from tests.training.progress import Quiet
 class Killed(Quiet):
     def iteration(self, *arguments):
         super().iteration(*arguments)

@@ -24,7 +24,6 @@ from pm01_nav.training.trainer import train
 
 pytest.importorskip("rsl_rl", reason="needs the extra `gpu`")
 from tensordict import TensorDict
-from tests.train.progress import Quiet
 
 from pm01_nav.training.rsl_ppo import (
     GROUP,
@@ -33,6 +32,7 @@ from pm01_nav.training.rsl_ppo import (
     make_algorithm,
     parameters,
 )
+from tests.training.progress import Quiet
 
 SAMPLES = 32 * 16  # one iteration
 PPO = {"n_envs": 32, "n_steps": 16, "batch_size": 256, "n_epochs": 2}

@@ -7,7 +7,6 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from tests.train.test_training import config
 
 from pm01_nav.benchmark.policies import trained_task
 from pm01_nav.cli import pm01
@@ -27,6 +26,7 @@ from pm01_nav.training.sweep import (
     run_seed,
     suite_task,
 )
+from tests.training.test_training import config
 
 RATES = {0: [0.5, 0.96], 1: [0.7, 0.9], 2: [0.6, 1.0]}
 

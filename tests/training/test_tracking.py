@@ -7,10 +7,10 @@ import json
 import sys
 
 import pytest
-from tests.train.progress import Quiet
-from tests.train.test_training import config, run
 
 from pm01_nav.errors import InputError
+from tests.training.progress import Quiet
+from tests.training.test_training import config, run
 
 
 def test_every_session_of_a_run_is_put_down(tmp_path):

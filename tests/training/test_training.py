@@ -10,13 +10,13 @@ import time
 
 import pytest
 import torch
-from tests.train.progress import Quiet
 
 from pm01_nav.errors import InputError
 from pm01_nav.task.tasks import task_config
 from pm01_nav.training.config import RunConfig, TrainConfig
 from pm01_nav.training.run_folder import RunFolder
 from pm01_nav.training.trainer import export_best, train
+from tests.training.progress import Quiet
 
 SAMPLES = 32 * 16  # one iteration
 

@@ -8,8 +8,6 @@ from click.testing import CliRunner
 
 optuna = pytest.importorskip("optuna")
 
-from tests.train.test_training import config  # noqa: E402
-
 from pm01_nav.cli import pm01  # noqa: E402
 from pm01_nav.cli.tune import _employ  # noqa: E402
 from pm01_nav.documents import load_yaml  # noqa: E402
@@ -26,6 +24,7 @@ from pm01_nav.training.tuning import (  # noqa: E402
     default_space,
     load_space,
 )
+from tests.training.test_training import config  # noqa: E402
 
 
 def write(path, text):
