@@ -17,7 +17,7 @@ import numpy as np
 from report import write_report
 
 from pm01_nav.arrays import NUMPY
-from pm01_nav.backends import MOST_ROBOTS, BackendName, make_simulator
+from pm01_nav.backends import BACKENDS, BackendName, make_simulator
 from pm01_nav.robot import load_robot, robot_names
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
@@ -70,7 +70,7 @@ def compare(robot: str, drive: str, engine: BackendName) -> dict[str, float]:
 
 def scans_in(pool: WorldPool, backend: BackendName) -> np.ndarray:
     """Return the first scan in each world, shape (WORLDS, num_beams) [m]."""
-    at_once = min(WORLDS, MOST_ROBOTS.get(backend, WORLDS))
+    at_once = min(WORLDS, BACKENDS[backend].most_robots or WORLDS)
     simulator = make_simulator(backend, NUMPY, load_robot("pm01"), pool, at_once)
     scans = []
     for begin in range(0, WORLDS, at_once):

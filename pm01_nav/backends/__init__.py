@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from ctypes.util import find_library
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, Literal
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import AfterValidator
 
 from pm01_nav.arrays import Arrays
 from pm01_nav.backends.gazebo_config import GazeboConfig
@@ -20,12 +22,92 @@ from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.worlds.pool import WorldPool
 
-BackendName = Literal["planar", "mujoco", "pybullet", "gazebo", "gazebo_transport"]
-MOST_ROBOTS: dict[BackendName, int] = {"gazebo": os.cpu_count() or 1, "gazebo_transport": 1}
-"""How many robots are worth driving at once, where each is a process."""
 DEFAULT_GAZEBO = GazeboConfig()
-EXTRAS = {"mujoco": "physics", "pybullet": "pybullet"}
-"""What to install for each engine."""
+Build = Callable[..., PlanarSimulator]
+
+
+class Backend(NamedTuple):
+    """What makes a simulator."""
+
+    build: Build
+    """From what a task says of Gazebo, the robot, the pool, ``num_envs`` and ``how``."""
+    most_robots: int | None
+    """How many robots are worth driving at once, where each is a process; None is no limit."""
+
+
+BACKENDS: dict[str, Backend] = {}
+
+
+def backend(name: str, most_robots: int | None = None) -> Callable[[Build], Build]:
+    """Enter a function in the table of backends; it imports its engine when it is called."""
+
+    def enter(build: Build) -> Build:
+        BACKENDS[name] = Backend(build, most_robots)
+        return build
+
+    return enter
+
+
+def _known(name: str) -> str:
+    if name not in BACKENDS:
+        raise ValueError(f"unknown; allowed: {', '.join(BACKENDS)}")
+    return name
+
+
+BackendName = Annotated[str, AfterValidator(_known)]
+"""A name of the table ``BACKENDS``."""
+
+
+@backend("planar")
+def _planar(
+    _: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+) -> PlanarSimulator:
+    return PlanarSimulator(robot, pool, num_envs, **how)
+
+
+@backend("mujoco")
+def _mujoco(
+    _: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+) -> PlanarSimulator:
+    _require("mujoco", extra="physics")
+    _draw_without_screen()
+    from pm01_nav.backends.mujoco_engine import MujocoEngine
+    from pm01_nav.backends.physics import PhysicsSimulator
+
+    return PhysicsSimulator(MujocoEngine, robot, pool, num_envs, **how)
+
+
+@backend("pybullet")
+def _pybullet(
+    _: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+) -> PlanarSimulator:
+    _require("pybullet", extra="pybullet")
+    with _silent():
+        import_module("pybullet")
+    from pm01_nav.backends.physics import PhysicsSimulator
+    from pm01_nav.backends.pybullet_engine import PybulletEngine
+
+    return PhysicsSimulator(PybulletEngine, robot, pool, num_envs, **how)
+
+
+@backend("gazebo", most_robots=os.cpu_count() or 1)
+def _gazebo(
+    gazebo: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+) -> PlanarSimulator:
+    require_gazebo("gazebo")
+    from pm01_nav.backends.gazebo import GazeboSimulator
+
+    return GazeboSimulator(gazebo.localization, robot, pool, num_envs, **how)
+
+
+@backend("gazebo_transport", most_robots=1)
+def _gazebo_transport(
+    gazebo: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+) -> PlanarSimulator:
+    require_gazebo("gazebo_transport")
+    from pm01_nav.backends.gazebo_transport import RunningGazeboSimulator
+
+    return RunningGazeboSimulator(gazebo, robot, pool, num_envs, **how)
 
 
 def make_simulator(
@@ -50,33 +132,14 @@ def make_simulator(
         from pm01_nav.sim.cuda_simulator import CudaSimulator
 
         return CudaSimulator(robot, pool, num_envs, arrays=arrays, **how)
-    if backend == "planar":
-        return PlanarSimulator(robot, pool, num_envs, **how)
-    if backend.startswith("gazebo"):
-        require_gazebo(backend)
-    if backend == "gazebo":
-        from pm01_nav.backends.gazebo import GazeboSimulator
+    return BACKENDS[backend].build(gazebo, robot, pool, num_envs, **how)
 
-        return GazeboSimulator(gazebo.localization, robot, pool, num_envs, **how)
-    if backend == "gazebo_transport":
-        from pm01_nav.backends.gazebo_transport import RunningGazeboSimulator
 
-        return RunningGazeboSimulator(gazebo, robot, pool, num_envs, **how)
+def _require(backend: str, extra: str) -> None:
     if find_spec(backend) is None:
-        extra = EXTRAS[backend]
         raise InputError(
             f"backend = {backend!r}: is not installed; pip install 'pm01-nav[{extra}]'"
         )
-    from pm01_nav.backends.physics import PhysicsSimulator
-
-    if backend == "mujoco":
-        _draw_without_screen()
-        from pm01_nav.backends.mujoco_engine import MujocoEngine as Engine
-    else:
-        with _silent():
-            import_module("pybullet")
-        from pm01_nav.backends.pybullet_engine import PybulletEngine as Engine
-    return PhysicsSimulator(Engine, robot, pool, num_envs, **how)
 
 
 def _draw_without_screen() -> None:

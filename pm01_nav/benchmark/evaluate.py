@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pm01_nav.backends import MOST_ROBOTS
+from pm01_nav.backends import BACKENDS
 from pm01_nav.benchmark.recorder import EpisodeResults, Recorder
 from pm01_nav.benchmark.summary import summarize
 from pm01_nav.planners.plan_follower import PlanFollower
@@ -123,7 +123,7 @@ class Evaluator:
         if numbers is None:
             numbers = np.arange(self.first, self.first + self.episodes)
         chunks, seconds = [], 0.0
-        at_once = min(CHUNK, MOST_ROBOTS.get(self.config.backend, CHUNK))
+        at_once = min(CHUNK, BACKENDS[self.config.backend].most_robots or CHUNK)
         for begin in range(0, len(numbers), at_once):
             parts, took = self._run(policy, numbers[begin : begin + at_once])
             chunks += parts

@@ -9,11 +9,11 @@ import json
 from dataclasses import asdict, fields
 from itertools import combinations
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
-from pm01_nav.backends import BackendName
+from pm01_nav.backends import BACKENDS
 from pm01_nav.benchmark.compare import Comparison, compare
 from pm01_nav.benchmark.merge import Merged, Score
 from pm01_nav.benchmark.recorder import EpisodeResults
@@ -38,7 +38,7 @@ def summary_of(score: Score, merged: Merged) -> dict[str, Any]:
 
 def backend_of(suite: str, about: dict[str, Any]) -> str:
     """Return what moved the robots; of older results the suite's name alone says it."""
-    named = (name for name in get_args(BackendName) if name in suite.split("+")[1:])
+    named = (name for name in BACKENDS if name in suite.split("+")[1:])
     return about.get("backend") or next(named, "planar")
 
 

@@ -17,6 +17,7 @@ from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
 from pm01_nav.planners.distance_field import DistanceFields, clearance_at, covering_discs
 from pm01_nav.planners.guided import GuidedPlanner, GuideParams, Situation
+from pm01_nav.planners.registry import planner
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.collision import polar
 from pm01_nav.sim.dynamics import arc, next_speed
@@ -52,6 +53,7 @@ class DWAParams(FrozenModel):
     """For the speed, in proportion to the robot's greatest."""
 
 
+@planner("dwa", DWAParams)
 class DWA(GuidedPlanner):
     """Try the arcs of a grid of speeds."""
 

@@ -14,6 +14,7 @@ from pydantic import Field
 from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
 from pm01_nav.planners.polar import PolarView, turn_to
+from pm01_nav.planners.registry import planner
 from pm01_nav.planners.scan_planner import ScanPlanner, clean_ranges
 from pm01_nav.robot import RobotSpec
 
@@ -46,6 +47,7 @@ class GapFollowingParams(FrozenModel):
     """Of the robot's greatest."""
 
 
+@planner("gap_following", GapFollowingParams)
 class GapFollowing(ScanPlanner):
     """Steer into gaps, by the present scan alone."""
 

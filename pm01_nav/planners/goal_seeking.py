@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from pm01_nav.config import FrozenModel
+from pm01_nav.planners.registry import planner
 from pm01_nav.robot import RobotSpec
 
 
@@ -18,6 +19,7 @@ class GoalSeekingParams(FrozenModel):
     """Turn rate per radian of bearing [1/s]."""
 
 
+@planner("goal_seeking", GoalSeekingParams)
 class GoalSeeking:
     """Turn towards the goal, and drive the faster the better it lies ahead."""
 

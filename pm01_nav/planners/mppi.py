@@ -18,6 +18,7 @@ from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
 from pm01_nav.planners.distance_field import DistanceFields, clearance_at, covering_discs
 from pm01_nav.planners.guided import GuidedPlanner, GuideParams, Situation
+from pm01_nav.planners.registry import planner
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.collision import polar
 from pm01_nav.sim.dynamics import arc
@@ -63,6 +64,7 @@ class MPPIParams(FrozenModel):
     """Per metre driven backwards."""
 
 
+@planner("mppi", MPPIParams)
 class MPPI(GuidedPlanner):
     """Sample futures around the last plan of commands."""
 

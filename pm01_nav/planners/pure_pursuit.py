@@ -13,6 +13,7 @@ from pydantic import Field
 
 from pm01_nav.config import FrozenModel
 from pm01_nav.planners.guided import GuidedPlanner, GuideParams, Situation
+from pm01_nav.planners.registry import planner
 from pm01_nav.robot import RobotSpec
 
 FloatArray = NDArray[np.float64]
@@ -32,6 +33,7 @@ class PurePursuitParams(FrozenModel):
     """Turn rate per radian while it does [1/s]."""
 
 
+@planner("pure_pursuit", PurePursuitParams)
 class PurePursuit(GuidedPlanner):
     """Follow the plan at full speed."""
 

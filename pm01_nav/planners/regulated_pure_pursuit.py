@@ -20,6 +20,7 @@ from pm01_nav.planners.distance_field import (
 )
 from pm01_nav.planners.guided import GuidedPlanner, Situation
 from pm01_nav.planners.pure_pursuit import PurePursuitParams, pursue
+from pm01_nav.planners.registry import planner
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.dynamics import arc
 
@@ -47,6 +48,7 @@ class RegulatedPurePursuitParams(PurePursuitParams):
     """The footprint is taken so much larger for that [m]."""
 
 
+@planner("regulated_pure_pursuit", RegulatedPurePursuitParams)
 class RegulatedPurePursuit(GuidedPlanner):
     """Follow the plan, slower where it is tight."""
 

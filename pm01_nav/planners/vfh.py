@@ -16,6 +16,7 @@ from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
 from pm01_nav.planners.guided import GuidedPlanner, GuideParams, Situation
 from pm01_nav.planners.polar import PolarView, turn_to
+from pm01_nav.planners.registry import planner
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.dynamics import wrap
 
@@ -52,6 +53,7 @@ class VFHParams(FrozenModel):
     """Beside obstacles, of the robot's greatest."""
 
 
+@planner("vfh", VFHParams)
 class VFH(GuidedPlanner):
     """Choose among the openings."""
 

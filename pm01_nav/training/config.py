@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pm01_nav.arrays import Device
-from pm01_nav.backends import MOST_ROBOTS
+from pm01_nav.backends import BACKENDS
 from pm01_nav.config import FrozenModel, merge, validate
 from pm01_nav.robot import Positive
 from pm01_nav.task.config import TaskConfig
@@ -61,9 +61,9 @@ def device_defaults(device: str) -> dict[str, Any]:
 
 def backend_defaults(backend: str) -> dict[str, Any]:
     """Return settings of ``train`` for a backend that makes a hundred steps/s, not a million."""
-    if backend not in MOST_ROBOTS:
+    n_envs = BACKENDS[backend].most_robots
+    if n_envs is None:
         return {}
-    n_envs = MOST_ROBOTS[backend]
     few = {"n_envs": n_envs, "n_steps": 256, "batch_size": 256}
     ppo = few | {"n_epochs": 10, "learning_rate": 3e-4, "learning_rate_final": 1.0}
     off_policy = {"n_envs": n_envs, "learning_starts": 1000}

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from pm01_nav.backends import MOST_ROBOTS
+from pm01_nav.backends import BACKENDS
 from pm01_nav.task.tasks import task_config
 from pm01_nav.training.config import run_config
 
@@ -14,7 +14,7 @@ GAZEBO = task_config("static").model_copy(update={"backend": "gazebo"})
 
 def test_a_robot_a_core_and_looks_that_take_minutes() -> None:
     config = run_config(GAZEBO, {"steps": 1000}, "test")
-    assert config.train.ppo.n_envs == MOST_ROBOTS["gazebo"]
+    assert config.train.ppo.n_envs == BACKENDS["gazebo"].most_robots
     assert config.train.eval_episodes == 20
     planar = run_config(task_config("static"), {"steps": 1000}, "test")
     assert planar.train.ppo.n_envs == 512
