@@ -6,11 +6,13 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 import pm01_nav
 from pm01_nav.errors import InputError
+from pm01_nav.task.tasks import task_config
 
 
 def test_importing_the_package_loads_nothing_heavy():
@@ -63,6 +65,48 @@ def test_train_load_evaluate(tmp_path):
     assert figures["episodes"] == 10
 
 
+def test_settings_go_where_the_command_line_puts_them(tmp_path):
+    from pm01_nav.task.config import TaskConfig
+    from pm01_nav.training.config import TrainConfig
+    from pm01_nav.training.run_folder import RunFolder
+
+    # A key tells by its name alone whether it is the task's or the training's.
+    assert not TaskConfig.model_fields.keys() & TrainConfig.model_fields.keys()
+    pm01_nav.train(
+        tmp_path / "run",
+        "empty",
+        n_envs=64,
+        steps=1024,
+        eval_episodes=2,
+        goal_radius=0.5,
+        randomization="on",
+        ppo={"n_steps": 16, "batch_size": 512},
+    )
+    config = RunFolder(tmp_path / "run").load_config()
+    assert (config.task.goal_radius, config.train.ppo.n_envs) == (0.5, 64)
+    assert config.task.randomization is not None
+    # Measured without its randomization, with the goal radius that it was trained with.
+    figures = pm01_nav.evaluate(tmp_path / "run", "empty", episodes=2, goal_radius=0.4)
+    assert figures["episodes"] == 2
+
+
+def test_one_environment_has_few_worlds_and_a_batch_all_of_them():
+    def worlds(env):
+        return env.unwrapped.batch.config.num_worlds
+
+    one = "pm01_nav.envs:PM01Nav-v1"
+    assert worlds(gym.make(one)) == 32
+    assert worlds(gym.make(one, task="empty")) == 1
+    assert worlds(gym.make(one, num_worlds=40)) == 40
+    # A task that is given whole is taken as it is.
+    assert worlds(gym.make(one, task=task_config("static"))) == 1024
+    batch = pm01_nav.make_vec("static", 8)
+    batch.reset(seed=0)
+    assert worlds(batch) == 1024
+    # As it was when one environment had 1024 worlds, too.
+    assert batch.batch.simulator.state.world.tolist() == [142, 710, 101, 337, 464, 668, 827, 624]
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -73,6 +117,10 @@ def test_train_load_evaluate(tmp_path):
         (lambda: pm01_nav.train("x", gama=1.0), "gama"),
         (lambda: pm01_nav.evaluate("zoo:nobody"), "zoo:nobody"),
         (lambda: pm01_nav.evaluate("goal_seeking", episodes=0), "episodes = 0"),
+        (lambda: pm01_nav.evaluate("goal_seeking"), "task"),
+        (lambda: pm01_nav.evaluate("goal_seeking", "empty", look_ahead=1.0), "look-ahead = 1"),
+        (lambda: pm01_nav.evaluate("goal_seeking", "empty", seed=-1), "seed = -1"),
+        (lambda: pm01_nav.train("x", robot="nobody"), "nobody"),
         (lambda: pm01_nav.load_policy("zoo:nobody"), "zoo:nobody"),
     ],
 )

@@ -9,7 +9,6 @@ import click
 
 from pm01_nav.cli.options import (
     episode_options,
-    look_ahead_from_options,
     plan_options,
     randomization_option,
     task_from_options,
@@ -54,11 +53,12 @@ def command(
     from pm01_nav.benchmark.evaluate import Evaluator
     from pm01_nav.benchmark.policies import load_policy, trained_task
     from pm01_nav.config import check_output
+    from pm01_nav.planners.plan_follower import look_ahead_of
     from pm01_nav.provenance import shown_path
 
     if json_file not in (None, "-"):
         check_output(json_file, "json")
-    distance = look_ahead_from_options(global_plan, look_ahead)
+    distance = look_ahead_of(global_plan, look_ahead)
     task = task_from_options(trained_task(policy), **options)
     driver = load_policy(policy, task.robot_spec(), task.control_dt)
     evaluator = Evaluator(task, episodes, seed, look_ahead=distance)

@@ -158,20 +158,6 @@ def plan_options(command: Command) -> Command:
     return global_plan(look_ahead(command))
 
 
-def look_ahead_from_options(global_plan: bool, look_ahead: float | None) -> float | None:
-    """Return how far ahead on a global plan the goal lies [m], or None without such a plan.
-
-    Raises:
-        InputError: a distance without a plan.
-    """
-    from pm01_nav.errors import InputError
-    from pm01_nav.planners.plan_follower import LOOK_AHEAD
-
-    if look_ahead is not None and not global_plan:
-        raise InputError(f"look-ahead = {look_ahead:g}: needs --global-plan")
-    return (look_ahead or LOOK_AHEAD) if global_plan else None
-
-
 def parse_changes(changes: tuple[str, ...]) -> dict[str, Any]:
     """Turn ``a.b=value`` texts into nested mappings.
 
@@ -204,39 +190,21 @@ def task_from_options(
     task: str | None,
     config_file: str | None,
     changes: tuple[str, ...],
-    randomization: str | None = None,
-    defaults: dict[str, Any] | None = None,
-    **keys: Any,
+    map_: str | None = None,
+    **options: Any,
 ) -> TaskConfig:
     """Return the task that the options describe: name or ``base``, then file, then flags.
 
-    ``keys`` are options that are keys of the task; None and () leave one as it is.
-    ``defaults`` go before what the name stands for, and behind all else.
+    The other ``options`` are those of ``chosen_task``.
 
     Raises:
         InputError: something is unknown or not allowed, or no task was named.
     """
-    from pm01_nav.config import merge, validate
-    from pm01_nav.errors import InputError
-    from pm01_nav.task.config import TaskConfig
-    from pm01_nav.task.randomization import load_randomization
-    from pm01_nav.task.tasks import TASKS, task_config
+    from pm01_nav.task.choice import chosen_task
 
     named = given_settings(config_file, changes).get("task") or {}
-    name = task or (base.name if base else None) or named.get("name")
-    if name is None:
-        raise InputError(f"task: give --task; one of {', '.join(sorted(TASKS))}")
-    start = base if base is not None and base.name == name else task_config(name)
-    if keys.get("map_") is not None:
-        # A region belongs to the map it was given with.
-        start = start.model_copy(update={"region": None})
-    data = merge(start.model_dump(), defaults or {})
-    data = merge(data, {} if task and named.get("name", task) != task else named)
-    data |= {key.rstrip("_"): value for key, value in keys.items() if value not in (None, ())}
-    if randomization is not None:
-        chosen = load_randomization(randomization, data["control_dt"])
-        data["randomization"] = None if chosen is None else chosen.model_dump()
-    return validate(TaskConfig, data, config_file or "configuration", inside="task")
+    source = config_file or "configuration"
+    return chosen_task(base, task, named, source=source, map=map_, **options)
 
 
 def given_settings(config_file: str | None, changes: tuple[str, ...]) -> dict[str, Any]:

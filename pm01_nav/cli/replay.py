@@ -8,7 +8,6 @@ from typing import Any
 import click
 
 from pm01_nav.cli.options import (
-    look_ahead_from_options,
     plan_options,
     task_from_options,
     task_options,
@@ -60,10 +59,11 @@ def command(
     from pm01_nav.benchmark.policies import load_policy, trained_task
     from pm01_nav.benchmark.replay import film, photograph
     from pm01_nav.config import check_output
+    from pm01_nav.planners.plan_follower import look_ahead_of
     from pm01_nav.rendering.sheet import save_sheet
     from pm01_nav.rendering.video import write_video
 
-    distance = look_ahead_from_options(global_plan, look_ahead)
+    distance = look_ahead_of(global_plan, look_ahead)
     task = task_from_options(trained_task(policy), **options)
     driver = load_policy(policy, task.robot_spec(), task.control_dt)
     label, how = Path(policy).name, {"look_ahead": distance, "rendered": render}

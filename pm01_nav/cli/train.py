@@ -190,15 +190,12 @@ def fresh_config(options: dict[str, Any], defaults: dict[str, Any] | None = None
     Raises:
         InputError: something is unknown or not allowed.
     """
-    from pm01_nav.config import merge
-    from pm01_nav.training.config import preset_defaults, run_config
+    from pm01_nav.training.config import preset_defaults, run_config, with_flags
 
     flags = {name: options.pop(name, None) for name in FLAGS}
     n_envs, file = options.pop("n_envs"), options["config_file"]
     settings = given_settings(file, options["changes"]).get("train") or {}
-    settings = merge(settings, {k: v for k, v in flags.items() if v is not None})
-    if n_envs is not None:
-        settings = merge(settings, {settings.get("algo") or "ppo": {"n_envs": n_envs}})
+    settings = with_flags(settings, n_envs, flags)
     preset = preset_defaults(settings.get("preset") or "default")
     task = task_from_options(None, defaults=preset.get("task"), **options)
     return run_config(task, settings, file or "configuration", defaults)
@@ -208,7 +205,7 @@ def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
     from pm01_nav.config import merge
     from pm01_nav.errors import InputError
     from pm01_nav.task.given_files import stored_task
-    from pm01_nav.training.config import run_config
+    from pm01_nav.training.config import run_config, with_flags
     from pm01_nav.training.run_folder import RunFolder
 
     if options["config_file"]:
@@ -227,9 +224,7 @@ def _resumed(resume: str, options: dict[str, Any]) -> RunConfig:
     settings = stored.train.model_dump()
     if "steps" in given or "time_budget" in given:
         settings |= {"steps": None, "time_budget": None}
-    settings = merge(settings, given)
-    if n_envs is not None:
-        settings = merge(settings, {stored.train.algo: {"n_envs": n_envs}})
+    settings = with_flags(settings, n_envs, given)
     settings = merge(settings, parse_changes(options["changes"]).get("train") or {})
     _check_kept(stored, settings, resume)
     return run_config(stored.task, settings, f"--resume {resume}")

@@ -17,6 +17,9 @@ from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.worlds import world_pool
 
+FEW_WORLDS = 32
+"""Worlds of one environment of a task by name: they are made at once, hundreds take a while."""
+
 
 class NavEnv(gym.Env[NDArray[Any], NDArray[Any]]):
     r"""Drive a wheeled robot with a 2D lidar to a goal among obstacles it has never seen.
@@ -67,7 +70,8 @@ degrees, the first one behind | -1 | 1 | 1 |
     ``task``: a task's name or a ``TaskConfig``; further keywords change keys of it, for example
     ``gym.make("pm01_nav.envs:PM01Nav-v1", task="empty", time_limit_steps=200)``. ``gym.make``'s
     own ``max_episode_steps`` never gets here: it wraps the environment in a ``TimeLimit``, which
-    can only shorten episodes.
+    can only shorten episodes. One environment of a task by name has 32 worlds at most, so that it
+    is there at once; to learn in more, say ``num_worlds=1024``, as ``gym.make_vec`` has them.
 
     ## Version history
     v1: dense beams pooled by sector minimum. v0: the article's task to the letter.
@@ -90,6 +94,8 @@ degrees, the first one behind | -1 | 1 | 1 |
             InputError: the task or a changed key is unknown, or a value is not allowed.
         """
         config = resolve_task(task, changes)
+        if isinstance(task, str) and "num_worlds" not in changes:
+            config = config.model_copy(update={"num_worlds": min(config.num_worlds, FEW_WORLDS)})
         pool = world_pool(config, "train", config.num_worlds)
         self.batch = NavigationBatch(config, pool, 1, autoreset=False)
         self.metadata = described(self.metadata, config)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,6 +21,19 @@ STRAYED = 1.0
 """A robot further from its plan gets a new one [m]."""
 PATIENCE = 10
 """At least so many calls lie between two plans of a robot: a second at ten calls a second."""
+
+
+def look_ahead_of(global_plan: bool, look_ahead: float | None) -> float | None:
+    """Return how far ahead on a global plan the goal lies [m], or None without such a plan.
+
+    Raises:
+        InputError: a distance without a plan, or none above 0.
+    """
+    if look_ahead is not None and not global_plan:
+        raise InputError(f"look-ahead = {look_ahead:g}: needs --global-plan")
+    if look_ahead is not None and not 0.0 < look_ahead < math.inf:
+        raise InputError(f"look-ahead = {look_ahead:g}: must be above 0 [m]")
+    return (look_ahead or LOOK_AHEAD) if global_plan else None
 
 
 class PlanFollower:

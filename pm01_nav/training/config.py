@@ -175,6 +175,19 @@ class RunConfig(FrozenModel):
     train: TrainConfig
 
 
+def with_flags(
+    settings: Mapping[str, Any], n_envs: int | None, flags: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Lay over settings of ``train`` those of ``flags`` that are not None, and ``n_envs`` robots.
+
+    ``n_envs`` belongs to the section of the algorithm.
+    """
+    merged = merge(settings, {name: value for name, value in flags.items() if value is not None})
+    if n_envs is None:
+        return merged
+    return merge(merged, {merged.get("algo") or "ppo": {"n_envs": n_envs}})
+
+
 def run_config(
     task: TaskConfig,
     train_settings: dict[str, Any],
