@@ -114,7 +114,10 @@ class ObservationLayout:
 
 
 def _plain(parameters: dict[str, Any]) -> dict[str, Any]:
-    return {name: asdict(v) if is_dataclass(v) else v for name, v in parameters.items()}
+    return {
+        name: asdict(v) if is_dataclass(v) and not isinstance(v, type) else v
+        for name, v in parameters.items()
+    }
 
 
 def _refuse_unknown(data: Mapping[str, Any], known: Any) -> None:
