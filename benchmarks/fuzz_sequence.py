@@ -20,7 +20,7 @@ from pm01_nav.deploy.messages import Odometry, Scan
 from pm01_nav.deploy.safety import SafetyConfig
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.robot import RobotSpec
-from pm01_nav.task.observation import scan_geometry
+from pm01_nav.task.scans import scan_geometry
 
 TICKS, LONG_TICKS = 12, 30
 """Control steps of a sequence; a lidar that freezes takes longer to be noticed."""

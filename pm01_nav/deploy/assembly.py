@@ -11,7 +11,7 @@ from pm01_nav.deploy.safety import SafetyConfig
 from pm01_nav.errors import InputError
 from pm01_nav.policy import OnnxPolicy
 from pm01_nav.robot import RobotSpec, changed_robot, load_robot
-from pm01_nav.task.observation import scan_geometry
+from pm01_nav.task.scans import scan_geometry
 
 GOAL_RADIUS = 0.3
 """Where the policy's file does not say how near counts as there [m]."""

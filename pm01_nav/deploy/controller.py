@@ -34,7 +34,7 @@ from pm01_nav.deploy.scan_fitting import ScanFitter, sector_lines
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame, wrap_angle
 from pm01_nav.policy.protocol import Policy, is_timed
-from pm01_nav.task.observation import ScanGeometry
+from pm01_nav.task.scans import ScanGeometry
 
 if TYPE_CHECKING:
     from pm01_nav.robot import RobotSpec

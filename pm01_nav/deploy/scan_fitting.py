@@ -12,13 +12,8 @@ from pm01_nav.deploy.messages import Scan
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_world, wrap_angle
 from pm01_nav.readings import read_zeros
-from pm01_nav.task.observation import (
-    ObservationLayout,
-    ScanGeometry,
-    discard_invalid,
-    pool_sectors,
-    sector_begins,
-)
+from pm01_nav.task.observation import ObservationLayout
+from pm01_nav.task.scans import ScanGeometry, discard_invalid, pool_sectors, sector_begins
 
 FloatArray = NDArray[np.float64]
 ANGLE_TOLERANCE = 1e-3
@@ -117,8 +112,8 @@ def sector_lines(
     is its pose. A sector is drawn along its middle; no return ends at range_max, too close at
     range_min.
     """
-    scan = layout.scan
-    nearest = pool_sectors(discard_invalid(ranges, scan), layout.sectors)
+    scan, part = layout.scan, layout.part("scan")
+    nearest = pool_sectors(discard_invalid(ranges, scan), part.sectors if part else 0)
     shown = np.clip(nearest, scan.range_min, scan.range_max)
     begins = np.array(sector_begins(scan.num_beams, len(shown)))
     middle = 0.5 * (begins[:-1] + begins[1:] - 1)

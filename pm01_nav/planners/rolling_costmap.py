@@ -17,7 +17,7 @@ from pm01_nav.config import FrozenModel
 from pm01_nav.geometry import after_twist, compose_poses
 from pm01_nav.planners.scan_planner import clean_ranges
 from pm01_nav.robot import RobotSpec
-from pm01_nav.task.observation import scan_geometry
+from pm01_nav.task.scans import scan_geometry
 from pm01_nav.worlds.free_space import FreeSpace
 from pm01_nav.worlds.global_plan import INFLATION_DISTANCE, INFLATION_WEIGHT, Costmap
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.policy.inputs import check_scan, finite_pair
 from pm01_nav.robot import RobotSpec
-from pm01_nav.task.observation import ScanGeometry, discard_invalid, scan_geometry
+from pm01_nav.task.scans import ScanGeometry, discard_invalid, scan_geometry
 
 FloatArray = NDArray[np.float64]
 

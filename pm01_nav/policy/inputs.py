@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.errors import InputError
 from pm01_nav.readings import is_valid, read_zeros
-from pm01_nav.task.observation import ScanGeometry
+from pm01_nav.task.scans import ScanGeometry
 
 
 def check_scan(scan: ArrayLike, expected: ScanGeometry) -> NDArray[np.float32]:

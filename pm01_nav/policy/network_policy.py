@@ -3,23 +3,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pm01_nav.arrays import NUMPY
 from pm01_nav.policy.inputs import check_scan, finite_pair
-from pm01_nav.policy.step_timer import Elapsed, StepTimer
-from pm01_nav.task.frames import FrameStack
-from pm01_nav.task.observation import (
-    ObservationLayout,
-    build_observation,
-    discard_invalid,
-    pool_sectors,
-    show_ranges,
-)
-from pm01_nav.task.trail import Trail
+from pm01_nav.policy.step_timer import StepTimer
+from pm01_nav.task.observation import ObservationLayout, Observer
+from pm01_nav.task.parts import Memory, ObservationPart, Seen
+from pm01_nav.task.scans import discard_invalid
 
 Network = Callable[..., Any]
 """Observations in physical units (n, size) -> commands (n, 2) [m/s, rad/s].
@@ -47,28 +43,26 @@ class NetworkPolicy:
         self.control_dt = control_dt
         self.memory_size = memory_size
         self._memory: NDArray[np.float32] | None = None
-        self._trail: Trail | None = None
-        self._frames: FrameStack | None = None
+        self._observer: Observer | None = None
         self._timer = StepTimer(control_dt)
         self._network = network
         self._previous: NDArray[np.float64] | None = None
+        self._shape: tuple[int, ...] = ()
 
     def reset(self) -> None:
-        """Forget the last action, scans and places before a new episode."""
+        """Forget the last action and all that its parts remember before a new episode."""
         self._previous = None
         self._memory = None
-        self._trail = None
-        self._frames = None
+        self._observer = None
         self._timer.reset()
 
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Go on with these rows of a batch (n, ...) only."""
         if self._previous is not None:
             self._previous = self._previous[robots]
-        if self._trail is not None:
-            self._trail.keep(robots)
-        if self._frames is not None:
-            self._frames.keep(robots)
+            self._shape = self._previous.shape
+        if self._observer is not None:
+            self._observer.keep(robots)
         if self._memory is not None:
             self._memory = self._memory[robots]
         self._timer.keep(robots)
@@ -100,43 +94,48 @@ class NetworkPolicy:
         """
         ranges = check_scan(scan, self.layout.scan)
         goal = finite_pair(goal, "goal")
+        shape = goal.shape
         if applied is not None:
-            applied = np.broadcast_to(finite_pair(applied, "applied"), goal.shape)
-        polar = np.stack(
-            [np.hypot(goal[..., 0], goal[..., 1]), np.arctan2(goal[..., 1], goal[..., 0])], axis=-1
-        )
-        velocity = np.broadcast_to(finite_pair(velocity, "velocity"), goal.shape)
-        begins = self._previous is None or self._previous.shape != goal.shape
+            applied = np.broadcast_to(finite_pair(applied, "applied"), shape).reshape(-1, 2)
+        velocity = np.broadcast_to(finite_pair(velocity, "velocity"), shape).reshape(-1, 2)
+        ranges = np.broadcast_to(ranges, (*shape[:-1], ranges.shape[-1]))
+        ranges = ranges.reshape(-1, ranges.shape[-1])
+        x, y = goal.reshape(-1, 2).T
+        polar = np.stack([np.hypot(x, y), np.arctan2(y, x)], axis=-1)
+        begins = self._previous is None or self._shape != shape
         if begins:
             self.reset()
+            self._shape = shape
         elapsed = self._timer.next(now, pose)
         if elapsed.paused:
-            self._resume(elapsed)
-        previous = self._previous_action(goal.shape, applied, begins)
+            # What a network remembers cannot be moved on.
+            self._previous = self._memory = None
+        previous = self._previous_action(len(polar), applied, begins)
         ranges = discard_invalid(ranges, self.layout.scan)
-        scan = np.asarray(show_ranges(self.layout, pool_sectors(ranges, self.layout.sectors)))
-        scans = self._with_earlier(scan, elapsed)
-        visited = self._visited(velocity, elapsed)
-        observation = build_observation(self.layout, scans, polar, velocity, previous, visited)
-        batch = observation.reshape(-1, self.layout.size)
-        command = self._answer(batch).astype(np.float64).reshape(goal.shape)
+        observation = self._observe(Seen(ranges, polar, velocity, previous, elapsed))
+        command = self._answer(observation).astype(np.float64)
         self._previous = self.layout.limits.to_action(command)
-        return command
+        return command.reshape(shape)
 
-    def _resume(self, elapsed: Elapsed) -> None:
-        """Begin anew after a pause, but for places: odometry tells how far the robot came."""
-        self._previous = None
-        self._memory = None
-        self._frames = None
-        if elapsed.motion is None:
-            self._trail = None
+    def _observe(self, seen: Seen) -> NDArray[np.float32]:
+        """Take note of what is seen, and return what the network is shown, (n, size)."""
+        if self._observer is None:
+            self._observer = Observer(self.layout, self._remember)
+            self._observer.begin(seen)
+        elif seen.elapsed.paused:
+            self._observer.forget(seen)
+        self._observer.push(seen)
+        return self._observer.show(seen)
+
+    def _remember(self, part: ObservationPart) -> Memory:
+        return part.memory(math.prod(self._shape[:-1]), self.control_dt, NUMPY)
 
     def _previous_action(
-        self, shape: tuple[int, ...], applied: NDArray[np.float64] | None, begins: bool
+        self, count: int, applied: NDArray[np.float64] | None, begins: bool
     ) -> NDArray[np.float64]:
-        """Return what the robot was given last as an action in [-1, 1], of ``shape``."""
+        """Return what each robot was given last as an action in [-1, 1], (count, 2)."""
         if applied is None:
-            return np.zeros(shape) if self._previous is None else self._previous
+            return np.zeros((count, 2)) if self._previous is None else self._previous
         action = self.layout.limits.to_action(applied)
         if not begins:
             return action
@@ -150,31 +149,3 @@ class NetworkPolicy:
             self._memory = np.zeros((len(batch), self.memory_size), dtype=np.float32)
         command, self._memory = self._network(batch, self._memory)
         return command
-
-    def _with_earlier(
-        self, scan: NDArray[np.float32], elapsed: Elapsed
-    ) -> list[NDArray[np.float32]]:
-        """Return this scan and the earlier ones, newest first, if the layout shows those."""
-        layout = self.layout.frames
-        if layout is None:
-            return [scan]
-        rows = scan.reshape(-1, scan.shape[-1])
-        if self._frames is None:
-            self._frames = FrameStack(layout, *rows.shape)
-            self._frames.begin(slice(None), rows)
-        self._frames.push(rows, elapsed.steps)
-        return [frame.reshape(scan.shape) for frame in self._frames.show(slice(None))]
-
-    def _visited(
-        self, velocity: NDArray[np.float64], elapsed: Elapsed
-    ) -> NDArray[np.float32] | None:
-        """Follow the trail, if the layout has one; shape (..., trail size)."""
-        layout = self.layout.trail
-        if layout is None:
-            return None
-        rows = velocity.reshape(-1, 2)
-        if self._trail is None:
-            self._trail = Trail(layout, self.control_dt, len(rows))
-        seconds, steps, _, motion = elapsed
-        shown = self._trail.follow(rows, seconds=seconds, steps=steps, motion=motion)
-        return shown.reshape(*velocity.shape[:-1], layout.size)

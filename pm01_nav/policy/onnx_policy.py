@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from pm01_nav.robot import RobotSpec
 
 METADATA_KEY = "pm01_nav"
-FORMAT = 1
-"""Version of the metadata's layout."""
+FORMAT = 2
+"""Version of the metadata's layout. Files of format 1 are read, too: they list no parts."""
 
 
 class OnnxPolicy(NetworkPolicy):
@@ -112,6 +112,6 @@ def _open(path: Path) -> tuple[Any, dict[str, Any]]:
     except ValueError as error:
         raise InputError(f"{path}: its pm01_nav metadata is not valid JSON") from error
     found = metadata.get("format") if isinstance(metadata, dict) else None
-    if found != FORMAT:
-        raise InputError(f"{path}: metadata format is {found!r}, this version reads {FORMAT}")
+    if found not in (1, FORMAT):
+        raise InputError(f"{path}: metadata format is {found!r}, this version reads 1 and {FORMAT}")
     return session, metadata

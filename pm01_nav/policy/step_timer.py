@@ -8,7 +8,6 @@ come late now and then, and none comes while a fault makes it stand.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import relative_pose
 from pm01_nav.policy.inputs import finite_numbers
+from pm01_nav.task.parts import Elapsed
 
 FloatArray = NDArray[np.float64]
 
@@ -23,19 +23,6 @@ PAUSE_STEPS = 2.0
 """More control steps than this between two calls are a pause: what lies between is unknown."""
 ROUNDING = 1e-6
 """Of a difference of two times, in control steps."""
-
-
-class Elapsed(NamedTuple):
-    """What lies between two calls."""
-
-    seconds: float
-    """Time [s]; a control step where no time was given."""
-    steps: int
-    """Control steps, by the clock: 0 where a call comes too soon, 2 where one was left out."""
-    paused: bool
-    """Whether it was more than ``PAUSE_STEPS``, or the clock went back."""
-    motion: FloatArray | None
-    """Each robot's pose now in base_link as it was, shape (n, 3) [m, m, rad]; None if unknown."""
 
 
 class StepTimer:

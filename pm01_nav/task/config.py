@@ -16,18 +16,20 @@ from pm01_nav.robot import NonNegative, Positive, RobotSpec, changed_robot, load
 from pm01_nav.sim.state import PedestrianModel
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
-from pm01_nav.task.observation import ObservationLayout, scan_geometry
+from pm01_nav.task.observation import GoalKind, ObservationLayout, UsualParts
+from pm01_nav.task.parts import make_part
 from pm01_nav.task.randomization import CONTROL_DT, RandomizationConfig, in_seconds
 from pm01_nav.task.rewards import NEEDS, REWARDS
+from pm01_nav.task.scans import scan_geometry
 from pm01_nav.task.trail import TrailLayout
 
 
 class ObservationConfig(FrozenModel):
-    """How observations are built; see ``ObservationLayout``."""
+    """How observations are built; see ``UsualParts`` and ``task/parts/``."""
 
     sectors: Annotated[int, Field(ge=0)] = 36
     nearness_distance: NonNegative = 0.3
-    goal: Literal["polar", "polar_sin_cos"] = "polar_sin_cos"
+    goal: GoalKind = "polar_sin_cos"
     previous_action: bool = True
     trail: TrailLayout | None = None
     """How the places where the robot has been are shown; None does not show them."""
@@ -36,6 +38,8 @@ class ObservationConfig(FrozenModel):
     goal_distance_max: Positive = 10.0
     range_max: Positive | None = None
     """Show ranges up to this only [m]; None shows the lidar's whole range."""
+    parts: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    """Further parts by name, with their parameters; they follow the others."""
     normalize: bool = True
 
 
@@ -160,17 +164,19 @@ def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayou
     """Return the contract between this task's environments and the policies trained in them."""
     seen = config.observation
     lidar, limits = robot.lidar, robot.limits
-    range_max = min(lidar.range_max, seen.range_max or lidar.range_max)
-    return ObservationLayout(
-        scan=scan_geometry(lidar, range_max),
-        limits=ActionLimits(limits.linear_min, limits.linear_max, limits.angular_max),
+    geometry = scan_geometry(lidar, min(lidar.range_max, seen.range_max or lidar.range_max))
+    bounds = ActionLimits(limits.linear_min, limits.linear_max, limits.angular_max)
+    usual = UsualParts(
         # A lidar of few beams is seen beam by beam.
         sectors=seen.sectors if seen.sectors <= lidar.num_beams else 0,
         nearness_distance=seen.nearness_distance,
         goal=seen.goal,
         previous_action=seen.previous_action,
+        goal_distance_max=seen.goal_distance_max,
         trail=seen.trail,
         frames=seen.frames,
-        goal_distance_max=seen.goal_distance_max,
-        normalize=seen.normalize,
+    )
+    more = [make_part(name, given, geometry, bounds) for name, given in seen.parts.items()]
+    return ObservationLayout(
+        geometry, bounds, (*usual.made(geometry, bounds), *more), seen.normalize
     )

@@ -42,7 +42,7 @@ class FramesLayout:
 
 
 class FrameStack:
-    """The last scans of n robots, each as observations show it (``show_ranges``)."""
+    """The last scans of n robots, each as observations show it (``Scan.present``)."""
 
     def __init__(
         self, layout: FramesLayout, num_robots: int, sectors: int, arrays: Arrays = NUMPY

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from functools import reduce
+from dataclasses import dataclass, field
+from functools import cached_property, reduce
 from operator import add
 from typing import Any, NamedTuple
 
@@ -16,8 +16,8 @@ from pm01_nav.backends import make_simulator
 from pm01_nav.errors import InputError
 from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
-from pm01_nav.task.frames import FrameStack
-from pm01_nav.task.observation import ObservationLayout, build_observation, show_ranges
+from pm01_nav.task.observation import ObservationLayout, Observer
+from pm01_nav.task.parts import Elapsed, Seen
 from pm01_nav.task.people import nearest_mover
 from pm01_nav.task.privileged import Privileged
 from pm01_nav.task.rewards import REWARDS, needed
@@ -84,12 +84,48 @@ class MaskedStep(NamedTuple):
 
 
 def features(config: TaskConfig, layout: ObservationLayout) -> Features:
-    """Return what observations and rewards need from the simulator."""
-    return Features(
-        sectors=layout.sectors,
-        trail=TrailParams(**asdict(layout.trail)) if layout.trail else TrailParams(),
-        path_distances="path_distance" in needed(config.rewards),
-    )
+    """Return what observations and rewards need from the simulator.
+
+    Raises:
+        InputError: two parts need the same in different ways.
+    """
+    needs: dict[str, Any] = {"path_distances": True} if _reads_ways(config) else {}
+    for part in layout.parts:
+        for name, value in part.needs.items():
+            if needs.setdefault(name, value) != value:
+                raise InputError(f"observation.parts.{part.name}: another part needs other {name}")
+    if "trail" in needs:
+        needs["trail"] = TrailParams(**needs["trail"])
+    return Features(**needs)
+
+
+def _reads_ways(config: TaskConfig) -> bool:
+    return "path_distance" in needed(config.rewards)
+
+
+class SeenInSimulation(Seen):
+    """What a simulator's robots measure; scans are read only where a part wants every beam."""
+
+    def __init__(self, simulator: Any, action: Any, robots: Any) -> None:
+        """Look at these of the robots, whose last actions are in ``action`` (num_envs, 2)."""
+        self._simulator = simulator
+        self.robots = robots
+        self.goal = simulator.measured_goal[robots]
+        self.velocity = simulator.measured_twist[robots]
+        self.previous_action = action[robots]
+        self.elapsed = Elapsed(simulator.control_dt)
+
+    @cached_property
+    def ranges(self) -> Any:  # type: ignore[override]
+        """Scans as the lidar says them, shape (n, num_beams) [m]."""
+        return self._simulator.scan[self.robots]
+
+    def nearest(self, sectors: int) -> Any:
+        """Return the nearest range of each sector, which the simulator knows for one number."""
+        nearest = self._simulator.state.nearest
+        if nearest.shape[1] == (sectors or self._simulator.robot.lidar.num_beams):
+            return nearest[self.robots]
+        return super().nearest(sectors)
 
 
 def total(terms: Any) -> Any:
@@ -145,8 +181,8 @@ class NavigationBatch:
             self.simulator.perturb(config.randomization.ranges(self.robot, config.control_dt))
         # Attributes of pydantic models are slow to read.
         self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
-        frames, sectors = self.layout.frames, self.simulator.state.nearest.shape[1]
-        self._frames = FrameStack(frames, num_envs, sectors, arrays) if frames else None
+        simulator = self.simulator
+        self.observer = Observer(self.layout, lambda part: part.simulated_memory(simulator, arrays))
         self._count = self._zeros((num_envs,), arrays.xp.int64)
         self._action = self._zeros((num_envs, 2), arrays.xp.float64)
         self._term_sums = self._zeros((len(config.rewards), num_envs), arrays.xp.float64)
@@ -173,25 +209,15 @@ class NavigationBatch:
 
     def observe(self, indices: NDArray[np.int64] | slice = ALL) -> NDArray[np.float32]:
         """Return the present observations as environments give them, shape (n, size)."""
-        sim = self.simulator
-        observation = build_observation(
-            self.layout,
-            self._frames.show(indices) if self._frames else [self._scan(indices)],
-            sim.measured_goal[indices],
-            sim.measured_twist[indices],
-            self._action[indices],
-            sim.state.visited[indices],
-            normalized=self.layout.normalize,
-        )
+        seen = self._seen(indices)
+        observation = self.observer.show(seen, normalized=self.layout.normalize)
         if self.privileged is None:
             return observation
-        more = self.privileged.observe(sim.state, indices)
+        more = self.privileged.observe(self.simulator.state, indices)
         return self.arrays.xp.concat([observation, more], axis=-1)
 
-    def _scan(self, indices: NDArray[np.int64] | slice = ALL) -> NDArray[np.float32]:
-        """Return the present scans as observations show them, shape (n, sectors)."""
-        nearest = self.simulator.state.nearest[indices]
-        return show_ranges(self.layout, nearest, normalized=self.layout.normalize)
+    def _seen(self, indices: NDArray[np.int64] | slice = ALL) -> Seen:
+        return SeenInSimulation(self.simulator, self._action, indices)
 
     def advance(self, command: NDArray[np.float64]) -> Step:
         """Apply commands (num_envs, 2) [m/s, rad/s] and judge the outcome; nothing is reset."""
@@ -203,8 +229,6 @@ class NavigationBatch:
             way = state.path_distance
             way_before = xp.asarray(way, copy=True)
         self.simulator.step(command)
-        if self._frames:
-            self._frames.push(self._scan())
         self._count += 1
         step = Step(
             xp=xp,
@@ -220,7 +244,7 @@ class NavigationBatch:
             previous_goal_distance=before,
             path_distance=way,
             previous_path_distance=way_before,
-            visited=state.visited if self.layout.trail else None,
+            visited=state.visited if state.visited.shape[1] else None,
             count=self._count,
             faults=self.simulator.faults,
         )
@@ -294,6 +318,7 @@ class NavigationBatch:
         terms = self.reward_terms(step)
         self._term_sums += terms
         self._action[...] = action
+        self.observer.push(self._seen())
         terminated = step.reached | step.collided
         truncated = out_of_time(step, self.config) & ~terminated
         if step.faults:
@@ -330,27 +355,24 @@ class NavigationBatch:
 
     def _begin(self, indices: NDArray[np.int64], worlds: NDArray[np.int64] | None) -> None:
         self.simulator.reset(indices, worlds)
-        if self._frames:
-            self._frames.begin(indices, self._scan(indices))
         self._count[indices] = 0
         self._action[indices] = 0.0
         self._term_sums[:, indices] = 0.0
+        self.observer.begin(self._seen(indices))
 
     def _begin_where(self, begins: Any) -> None:
         """Start new episodes where a mask of all environments says so."""
         self.simulator.reset(begins)
-        if self._frames:
-            self._frames.begin_where(begins, self._scan())
         self._count *= ~begins
         self._action *= ~begins[:, None]
         self._term_sums *= ~begins
+        self.observer.begin_where(begins, self._seen())
 
     def keep(self, robots: NDArray[np.int64]) -> None:
         """Go on with these of the robots only; each goes on where it is."""
         self.num_envs = len(robots)
         self.simulator.keep(robots)
-        if self._frames:
-            self._frames.keep(robots)
+        self.observer.keep(robots)
         self._count, self._action = self._count[robots], self._action[robots]
         self._term_sums = self.arrays.xp.take(self._term_sums, robots, axis=1)
 
@@ -378,5 +400,4 @@ class NavigationBatch:
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         own = {"count": self._count, "action": self._action, "term_sums": self._term_sums}
-        frames = self._frames.arrays() if self._frames else {}
-        return self.simulator.arrays() | own | frames
+        return self.simulator.arrays() | own | self.observer.arrays()

@@ -1,150 +1,51 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a policy sees. THE CONTRACT between training, the exported file and the robot.
 
-The environments, the exporter and ``OnnxPolicy`` all build observations with this module, which
-needs numpy alone. Functions work on any array of the array API standard, shaped ``(..., n)``.
+An observation is a list of parts (``task/parts/``). The environments, the exporter and
+``OnnxPolicy`` all build it with this module, which needs numpy alone.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields
-from functools import cache, cached_property
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from functools import cached_property
+from itertools import accumulate
+from typing import Any, Literal
 
 from pm01_nav.arrays import array_namespace
 from pm01_nav.errors import InputError
-from pm01_nav.readings import ZERO_MEANS, ZeroMeans, read_zeros
 from pm01_nav.task.action import ActionLimits
-from pm01_nav.task.frames import FramesLayout
-from pm01_nav.task.trail import TrailLayout
+from pm01_nav.task.parts import Memory, ObservationPart, Seen, make_part
+from pm01_nav.task.parts.goal import GoalBearing, GoalDistance, GoalSinCos
+from pm01_nav.task.parts.motion import AngularVelocity, LinearVelocity, PreviousAction
+from pm01_nav.task.parts.scan import Scan
+from pm01_nav.task.parts.trail import Visited
+from pm01_nav.task.scans import ScanGeometry
 
-if TYPE_CHECKING:
-    from pm01_nav.robot import Lidar
-
-
-class Part(NamedTuple):
-    """Consecutive numbers of an observation that mean the same."""
-
-    name: str
-    size: int
-    low: float
-    high: float
-    unit: str
-
-    @property
-    def scale(self) -> float:
-        """What the part is divided by when normalised."""
-        return max(abs(self.low), abs(self.high))
-
-
-@dataclass(frozen=True)
-class ScanGeometry:
-    """Which way the beams of a scan look and how far, as in ``sensor_msgs/LaserScan``."""
-
-    num_beams: int
-    angle_min: float
-    """Direction of beam 0 in the lidar frame [rad]."""
-    angle_increment: float
-    """From one beam to the next, counter-clockwise [rad]."""
-    range_min: float
-    """[m]"""
-    range_max: float
-    """[m]"""
-    zero_means: ZeroMeans = field(default="invalid", compare=False)
-    """What a 0 of the lidar's driver stands for. No part of what a policy was trained to see."""
-
-    def __post_init__(self) -> None:
-        """Refuse a meaning that there is not.
-
-        Raises:
-            InputError: ``zero_means`` is unknown.
-        """
-        if self.zero_means not in ZERO_MEANS:
-            allowed = ", ".join(ZERO_MEANS)
-            raise InputError(f"zero_means = {self.zero_means!r}: unknown; allowed: {allowed}")
-
-
-def scan_geometry(lidar: Lidar, range_max: float | None = None) -> ScanGeometry:
-    """Return how a robot's lidar looks around, as far as it does or only to ``range_max`` [m]."""
-    return ScanGeometry(
-        num_beams=lidar.num_beams,
-        angle_min=lidar.angle_min,
-        angle_increment=lidar.angle_increment,
-        range_min=lidar.range_min,
-        range_max=lidar.range_max if range_max is None else range_max,
-        zero_means=lidar.zero_means,
-    )
+GoalKind = Literal["polar", "polar_sin_cos"]
 
 
 @dataclass(frozen=True)
 class ObservationLayout:
-    """The order, the size and the meaning of an observation's numbers."""
+    """The parts of an observation in order, for robots with one lidar and the same limits."""
 
     scan: ScanGeometry
     limits: ActionLimits
-    sectors: int = 0
-    """The scan's nearest return in each of so many sectors; 0 keeps every beam."""
-    nearness_distance: float = 0.3
-    """A return at r metres is shown as (d - r) / (d + r) with this d [m]; 0 shows r itself.
-
-    It spreads out the last decimetres, which decide whether a corner is cut or hit: with ranges
-    themselves a policy went on scraping corners (94 % success), with nearness it learned not to
-    (98 %), all else equal.
-    """
-    goal: Literal["polar", "polar_sin_cos"] = "polar_sin_cos"
-    """Goal as distance and bearing, or as distance, sin and cos of the bearing."""
-    previous_action: bool = True
-    """Whether the last action (in [-1, 1]) is part of the observation."""
-    goal_distance_max: float = 10.0
-    """A goal further away than this [m] is shown at this distance."""
-    trail: TrailLayout | None = None
-    """How the places where the robot has been are shown; None does not show them."""
-    frames: FramesLayout | None = None
-    """Which earlier scans are shown; None shows the present one alone."""
+    parts: tuple[ObservationPart, ...]
     normalize: bool = True
     """Whether environments divide each part by its scale; exported policies do so themselves."""
 
     def __post_init__(self) -> None:
-        """Refuse sectors without a beam.
+        """Refuse a part that is there twice.
 
         Raises:
-            InputError: there are more sectors than beams.
+            InputError: names it.
         """
-        if not 0 <= self.sectors <= self.scan.num_beams:
-            raise InputError(
-                f"sectors = {self.sectors}: must be from 0 to the number of beams, "
-                f"{self.scan.num_beams}"
-            )
-
-    @cached_property
-    def parts(self) -> tuple[Part, ...]:
-        """The observation's parts in order."""
-        size, limits = self.sectors or self.scan.num_beams, self.limits
-        scan = (
-            Part("scan_nearness", size, -1.0, 1.0, "1")
-            if self.nearness_distance > 0.0
-            else Part("scan", size, 0.0, self.scan.range_max, "m")
-        )
-        parts = [scan]
-        if self.frames is not None:
-            earlier = f"earlier_{scan.name}"
-            parts.append(scan._replace(name=earlier, size=self.frames.count * size))
-        parts.append(Part("goal_distance", 1, 0.0, self.goal_distance_max, "m"))
-        if self.goal == "polar":
-            parts.append(Part("goal_bearing", 1, -math.pi, math.pi, "rad"))
-        else:
-            parts.append(Part("goal_sin_cos", 2, -1.0, 1.0, "1"))
-        parts.append(Part("linear_velocity", 1, limits.linear_min, limits.linear_max, "m/s"))
-        parts.append(Part("angular_velocity", 1, -limits.angular_max, limits.angular_max, "rad/s"))
-        if self.previous_action:
-            parts.append(Part("previous_action", 2, -1.0, 1.0, "1"))
-        if self.trail is not None:
-            parts.append(Part("visited", self.trail.sectors, 0.0, 1.0, "1"))
-            parts.append(Part("familiarity", 1, 0.0, 1.0, "1"))
-        return tuple(parts)
+        names = [part.name for part in self.parts]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise InputError(f"observation.parts.{twice[0]}: is there twice")
 
     @cached_property
     def size(self) -> int:
@@ -159,151 +60,187 @@ class ObservationLayout:
     @property
     def bounds(self) -> tuple[list[float], list[float]]:
         """Least and greatest value of each number as environments give them."""
-        divisors = [part.scale if self.normalize else 1.0 for part in self.parts]
-        low = [p.low / d for p, d in zip(self.parts, divisors, strict=True) for _ in range(p.size)]
-        high = [
-            p.high / d for p, d in zip(self.parts, divisors, strict=True) for _ in range(p.size)
-        ]
+        low, high = [], []
+        for part in self.parts:
+            divisor = part.scale if self.normalize else 1.0
+            low += [part.bounds[0] / divisor] * part.size
+            high += [part.bounds[1] / divisor] * part.size
         return low, high
+
+    def part(self, name: str) -> Any:
+        """Return the part of this name; None if there is none."""
+        return next((part for part in self.parts if part.name == name), None)
+
+    @cached_property
+    def places(self) -> dict[str, slice]:
+        """Where each part lies in an observation, by its name."""
+        ends = list(accumulate(part.size for part in self.parts))
+        return {p.name: slice(end - p.size, end) for p, end in zip(self.parts, ends, strict=True)}
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for an exported policy's metadata."""
-        return asdict(self)
+        return {
+            "scan": asdict(self.scan),
+            "limits": asdict(self.limits),
+            "parts": [{"part": part.name} | _plain(part.parameters()) for part in self.parts],
+            "normalize": self.normalize,
+        }
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> ObservationLayout:
-        """Build a layout from exported metadata.
+        """Build a layout from exported metadata, that of format 1 as well, which had no parts.
 
         Raises:
             InputError: a key is unknown or missing.
         """
         try:
-            known = {f.name for f in fields(cls)}
-            rest = {k: v for k, v in data.items() if k not in ("scan", "limits")}
-            for name, layout in (("trail", TrailLayout), ("frames", FramesLayout)):
-                if rest.get(name) is not None:
-                    rest[name] = layout(**rest[name])
-            if unknown := sorted(set(rest) - known):
-                raise InputError(f"observation.{unknown[0]}: unknown key")
-            return cls(ScanGeometry(**data["scan"]), ActionLimits(**data["limits"]), **rest)
+            rest = dict(data)
+            lidar, limits = ScanGeometry(**rest.pop("scan")), ActionLimits(**rest.pop("limits"))
+            if "parts" not in rest:
+                return cls._of_format_1(lidar, limits, rest)
+            _refuse_unknown(rest, ("parts", "normalize"))
+            parts = tuple(_read_part(row, lidar, limits) for row in rest["parts"])
+            return cls(lidar, limits, parts, rest.get("normalize", True))
         except (AttributeError, KeyError, TypeError) as error:
             raise InputError(f"observation layout: {error}") from error
 
-
-def discard_invalid(scan: Any, geometry: ScanGeometry) -> Any:
-    """Replace ranges that say nothing by +inf, so that none hides a nearer return; same shape [m].
-
-    THE SANITISER: every scan passes it before anything else looks at it, the simulator's (where it
-    is the kernel ``sim.lidar.sanitized``) as well as a robot's.
-
-    A 0 is first read as ``geometry.zero_means`` says, whatever the limits.
-
-    | raw range (REP-117 and ``sensor_msgs/LaserScan``) | means          | becomes |
-    |---------------------------------------------------|----------------|---------|
-    | +inf                                              | no return      | +inf    |
-    | above range_max                                   | to be discarded| +inf    |
-    | range_min to range_max, both included             | a return       | itself  |
-    | finite and below range_min                        | to be discarded| +inf    |
-    | -inf                                              | too close      | -inf    |
-    | NaN                                               | invalid        | +inf    |
-
-    Limits are compared in the precision of ``scan``: a driver's float32 range_min is valid.
-    """
-    xp = array_namespace(scan)
-    scan = read_zeros(scan, geometry.zero_means)
-    within = (scan >= geometry.range_min) & (scan <= geometry.range_max)
-    return xp.where(within | (scan == -xp.inf), scan, xp.inf)
+    @classmethod
+    def _of_format_1(
+        cls, lidar: ScanGeometry, limits: ActionLimits, data: dict[str, Any]
+    ) -> ObservationLayout:
+        _refuse_unknown(data, [*(f.name for f in fields(UsualParts)), "normalize"])
+        normalize = data.pop("normalize", True)
+        return cls(lidar, limits, UsualParts(**data).made(lidar, limits), normalize)
 
 
-def sector_begins(num_beams: int, sectors: int) -> list[int]:
-    """Return the first beam of each sector, and ``num_beams`` behind them, ``sectors`` + 1 numbers.
-
-    Sector k holds beams floor(k num_beams / sectors) to floor((k + 1) num_beams / sectors) - 1:
-    all have the same number where it divides, else one more or less.
-    """
-    return [k * num_beams // sectors for k in range(sectors + 1)]
+def _plain(parameters: dict[str, Any]) -> dict[str, Any]:
+    return {
+        name: asdict(v) if is_dataclass(v) and not isinstance(v, type) else v
+        for name, v in parameters.items()
+    }
 
 
-def pool_sectors(ranges: Any, sectors: int) -> Any:
-    """Return the nearest range in each of ``sectors`` sectors, shape (..., sectors).
-
-    With 0 sectors every beam is one. Environments have this from the simulator.
-    """
-    if sectors == 0:
-        return ranges
-    xp = array_namespace(ranges)
-    num_beams = ranges.shape[-1]
-    if num_beams % sectors:
-        beams = xp.asarray(_beams_of_sectors(num_beams, sectors), device=ranges.device)
-        ranges = xp.take(ranges, beams, axis=-1)
-    return xp.min(xp.reshape(ranges, (*ranges.shape[:-1], sectors, -1)), axis=-1)
+def _refuse_unknown(data: Mapping[str, Any], known: Any) -> None:
+    if unknown := sorted(set(data) - set(known)):
+        raise InputError(f"observation.{unknown[0]}: unknown key")
 
 
-@cache
-def _beams_of_sectors(num_beams: int, sectors: int) -> tuple[int, ...]:
-    """Return the beams of all sectors; where one lacks a beam, its last stands twice."""
-    widest = -(-num_beams // sectors)
-    begins = sector_begins(num_beams, sectors)
-    return tuple(min(a + j, b - 1) for a, b in pairwise(begins) for j in range(widest))
+def _read_part(row: dict[str, Any], lidar: ScanGeometry, limits: ActionLimits) -> ObservationPart:
+    parameters = dict(row)
+    return make_part(parameters.pop("part"), parameters, lidar, limits)
 
 
-def show_ranges(layout: ObservationLayout, nearest: Any, *, normalized: bool = False) -> Any:
-    """Return ranges as observations show them, float32, in physical units or ``normalized``.
+@dataclass(frozen=True)
+class UsualParts:
+    """The keys by which configurations and files of format 1 ask for parts."""
 
-    ``nearest`` (..., sectors or num_beams) is the nearest range of each sector, by REP-117 with
-    nothing invalid in it [m]. No return shows as range_max, and too close as range_min.
-    """
-    xp = array_namespace(nearest)
-    shown = _clip(xp, nearest, layout.scan.range_min, layout.scan.range_max)
-    if layout.nearness_distance > 0.0:
-        # (d - r) / (d + r), in fewer passes.
-        shown += layout.nearness_distance
-        shown = (2.0 * layout.nearness_distance) / shown
-        shown -= 1.0
-    elif normalized:
-        shown /= layout.scan.range_max
-    return shown
+    sectors: int = 0
+    nearness_distance: float = 0.3
+    goal: GoalKind = "polar_sin_cos"
+    previous_action: bool = True
+    goal_distance_max: float = 10.0
+    trail: Any = None
+    """A ``TrailLayout``, as plain data or not, or None."""
+    frames: Any = None
+    """A ``FramesLayout``, likewise."""
 
+    def made(self, lidar: ScanGeometry, limits: ActionLimits) -> tuple[ObservationPart, ...]:
+        """Return the parts.
 
-def build_observation(
-    layout: ObservationLayout,
-    scans: Sequence[Any],
-    goal: Any,
-    velocity: Any,
-    previous_action: Any,
-    visited: Any = None,
-    *,
-    normalized: bool = False,
-) -> Any:
-    """Build observations, shape (..., layout.size), float32, in physical units or ``normalized``.
-
-    ``scans`` are the present scan and, if the layout has frames, the earlier ones, newest first,
-    each as ``show_ranges`` returns it, ``goal`` (..., 2) distance and bearing [m, rad],
-    ``velocity`` (..., 2) v and w [m/s, rad/s], ``previous_action`` (..., 2) in [-1, 1],
-    ``visited`` (..., trail.size) 0 to 1 if the layout has a trail.
-    """
-    xp = array_namespace(goal)
-    scale = layout.scale if normalized else [1.0] * layout.size
-    limits, bearing = layout.limits, goal[..., 1]
-    # Column by column: numpy is slow on rows of one or two numbers.
-    columns = [xp.minimum(goal[..., 0], layout.goal_distance_max)]
-    columns += [bearing] if layout.goal == "polar" else [xp.sin(bearing), xp.cos(bearing)]
-    columns.append(_clip(xp, velocity[..., 0], limits.linear_min, limits.linear_max))
-    columns.append(_clip(xp, velocity[..., 1], -limits.angular_max, limits.angular_max))
-    if layout.previous_action:
-        columns += [previous_action[..., 0], previous_action[..., 1]]
-    observation = xp.empty((*goal.shape[:-1], layout.size), dtype=xp.float32, device=goal.device)
-    begin = 0
-    for scan in scans:
-        observation[..., begin : begin + scan.shape[-1]] = scan
-        begin += scan.shape[-1]
-    for k, column in enumerate(columns, start=begin):
-        observation[..., k] = column if scale[k] == 1.0 else column / scale[k]
-    if layout.trail is not None:
-        observation[..., begin + len(columns) :] = visited
-    return observation
+        Raises:
+            InputError: a value is not allowed.
+        """
+        robot = lidar, limits
+        bearing = GoalBearing if self.goal == "polar" else GoalSinCos
+        return (
+            Scan(*robot, self.sectors, self.nearness_distance, self.frames),
+            GoalDistance(*robot, self.goal_distance_max),
+            bearing(*robot),
+            LinearVelocity(*robot),
+            AngularVelocity(*robot),
+            *([PreviousAction(*robot)] if self.previous_action else []),
+            *([Visited(*robot, self.trail)] if self.trail else []),
+        )
 
 
-def _clip(xp: Any, values: Any, low: float, high: float) -> Any:
-    # Two plain calls: numpy's clip costs more than the rest of a small observation together.
-    return xp.minimum(xp.maximum(values, low), high)
+class Observer:
+    """Build the observations of some robots, and remember for their parts what these need."""
+
+    def __init__(
+        self, layout: ObservationLayout, remember: Callable[[ObservationPart], Memory]
+    ) -> None:
+        """Ask ``remember`` for the memory of each part; ``begin`` fills them."""
+        self.layout = layout
+        self._remember = remember
+        memories = [remember(part) for part in layout.parts]
+        ends = accumulate(part.size for part in layout.parts)
+        self._rows = list(zip(layout.parts, memories, ends, strict=True))
+        self._remembering = [memory for memory in memories if type(memory) is not Memory]
+
+    @property
+    def period(self) -> int:
+        """After so many steps everything lies in memory where it lay before."""
+        return math.lcm(*(memory.period for memory in self._remembering))
+
+    def begin(self, seen: Seen) -> None:
+        """Let the robots ``seen.robots`` begin anew."""
+        for memory in self._remembering:
+            memory.begin(seen)
+
+    def begin_where(self, begins: Any, seen: Seen) -> None:
+        """Let the robots of a mask begin anew; ``seen`` has all of them."""
+        for memory in self._remembering:
+            memory.begin_where(begins, seen)
+
+    def forget(self, seen: Seen) -> None:
+        """Begin anew after a pause what does not survive it."""
+        for k, (part, memory, end) in enumerate(self._rows):
+            if not memory.survives(seen.elapsed):
+                fresh = self._remember(part)
+                fresh.begin(seen)
+                self._rows[k] = part, fresh, end
+        self._remembering = [m for _, m, _ in self._rows if type(m) is not Memory]
+
+    def push(self, seen: Seen) -> None:
+        """Take note of what all robots see now."""
+        for memory in self._remembering:
+            memory.push(seen)
+
+    def show(self, seen: Seen, *, normalized: bool = False) -> Any:
+        """Return observations, shape (n, layout.size), float32, physical or ``normalized``."""
+        xp, goal = array_namespace(seen.goal), seen.goal
+        shape = (goal.shape[0], self.layout.size)
+        observation = xp.empty(shape, dtype=xp.float32, device=goal.device)
+        begin = 0
+        for part, memory, end in self._rows:
+            scale = part.scale if normalized else 1.0
+            for shown in part.show(seen, memory):
+                values = shown if scale == 1.0 else shown / scale
+                # Column by column: numpy is slow on rows of one or two numbers.
+                if values.ndim == 1:
+                    observation[:, begin] = values
+                    begin += 1
+                    continue
+                width = math.prod(values.shape[1:])
+                observation[:, begin : begin + width] = (
+                    values if values.ndim == 2 else xp.reshape(values, (-1, width))
+                )
+                begin += width
+            if begin != end:
+                raise InputError(
+                    f"observation.parts.{part.name}: shows {begin - end + part.size} numbers, "
+                    f"its shape says {part.size}"
+                )
+        return observation
+
+    def keep(self, robots: Any) -> None:
+        """Go on with these of the robots only."""
+        for memory in self._remembering:
+            memory.keep(robots)
+
+    def arrays(self) -> dict[str, Any]:
+        """Return the arrays that make up all memories by name, not copied."""
+        found: dict[str, Any] = {}
+        for memory in self._remembering:
+            found |= memory.arrays()
+        return found

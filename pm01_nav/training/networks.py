@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +12,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, MlpExtractor
 
 from pm01_nav.envs.spaces import observation_space, widened
+from pm01_nav.errors import InputError
 from pm01_nav.task.observation import ObservationLayout
 from pm01_nav.task.privileged import Privileged
 from pm01_nav.training.algorithm_config import AlgorithmConfig, ConvolutionConfig
@@ -27,14 +27,19 @@ class ScanShape:
     frames: int
     sectors: int
     closed: bool
+    begin: int = 0
 
 
 def scan_shape(layout: ObservationLayout) -> ScanShape:
-    """Return where the scans are that an observation begins with."""
-    frames = 1 + (layout.frames.count if layout.frames else 0)
-    turn = layout.scan.num_beams * layout.scan.angle_increment
-    closed = math.isclose(turn, 2.0 * math.pi, rel_tol=1e-3)
-    return ScanShape(frames, layout.sectors or layout.scan.num_beams, closed)
+    """Return where the scans are in an observation.
+
+    Raises:
+        InputError: it has none.
+    """
+    scan = layout.part("scan")
+    if scan is None:
+        raise InputError("features_extractor: a convolution needs the part scan")
+    return ScanShape(scan.shape[0], scan.shape[1], scan.closed, layout.places["scan"].start)
 
 
 class ScanConvolution(torch.nn.Module):
@@ -80,16 +85,18 @@ class Features(BaseFeaturesExtractor):
         self,
         observation_space: spaces.Box,
         scale: tuple[float, ...],
-        shape: ScanShape,
+        shape: ScanShape | None = None,
         conv: ConvolutionConfig | None = None,
         privileged: int = 0,
     ) -> None:
         """Divide by ``scale`` the numbers of a robot; ``privileged`` more ones may follow them."""
-        convolution = ScanConvolution(conv, shape) if conv else None
-        scans = shape.frames * shape.sectors
-        size = len(scale) + (convolution.size - scans if convolution else 0) + privileged
+        convolution, begin, end = None, 0, 0
+        if conv is not None and shape is not None:
+            convolution = ScanConvolution(conv, shape)
+            begin, end = shape.begin, shape.begin + shape.frames * shape.sectors
+        size = len(scale) + (convolution.size if convolution else 0) - (end - begin) + privileged
         super().__init__(observation_space, features_dim=size)
-        self.size, self.scans, self.privileged = len(scale), scans, privileged
+        self.size, self.begin, self.end, self.privileged = len(scale), begin, end, privileged
         self.convolution = convolution
         self.register_buffer("scale", torch.tensor(scale, dtype=torch.float32))
 
@@ -98,7 +105,8 @@ class Features(BaseFeaturesExtractor):
         values = observations[:, : self.size] / self.scale
         parts = [values]
         if self.convolution is not None:
-            parts = [self.convolution(values[:, : self.scans]), values[:, self.scans :]]
+            scans = self.convolution(values[:, self.begin : self.end])
+            parts = [scans, values[:, : self.begin], values[:, self.end :]]
         if self.privileged:
             parts.append(observations[:, self.size :])
         return parts[0] if len(parts) == 1 else torch.cat(parts, dim=1)
@@ -160,7 +168,7 @@ def network_arguments(config: AlgorithmConfig, layout: ObservationLayout) -> dic
     arguments["features_extractor_class"] = Features
     arguments["features_extractor_kwargs"] = {
         "scale": (1.0,) * layout.size if normalized else tuple(layout.scale),
-        "shape": scan_shape(layout),
+        "shape": None if flat else scan_shape(layout),
         "conv": None if flat else config.conv,
     }
     if config.asymmetric_critic:

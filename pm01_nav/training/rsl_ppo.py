@@ -207,8 +207,7 @@ class Rollouts:
     @property
     def _recordable(self) -> bool:
         """Whether a graph can hold a rollout: where the last scans lie must be as it was before."""
-        frames = self._batch.config.observation.frames
-        repeats = frames is None or self._config.n_steps % frames.length == 0
+        repeats = self._config.n_steps % self._batch.observer.period == 0
         return self.observation.is_cuda and repeats
 
     def _record(self) -> None:

@@ -158,22 +158,23 @@ def test_observations_are_alive_and_in_the_space(task: str) -> None:
     assert ((everything >= space.low) & (everything <= space.high)).all()
     rows = everything.reshape(-1, everything.shape[-1])
     alive = rows.max(axis=0) > rows.min(axis=0)
-    if env.batch.layout.trail is not None:
+    trail = env.batch.layout.part("trail")
+    if trail is not None:
         # It shows places left long ago, for which these episodes are too short.
-        alive[-env.batch.layout.trail.size :] = trail_is_alive(task)
+        alive[-trail.size :] = trail_is_alive(task)
     assert alive.all()
 
 
 def trail_is_alive(task: str) -> NDArray[np.bool_]:
     """Drive figures of eight; return which numbers of the trail change."""
     env = NavVectorEnv(2, resolve_task(task, FEW | {"time_limit_steps": 500}))
-    assert env.batch.layout.trail is not None
+    trail = env.batch.layout.part("trail")
     rows = [env.reset(seed=0)[0]]
     for step in range(400):
         # A circle of 0.75 m / s and 1 rad / s to the left, then one to the right.
         turn = 0.25 if step // 63 % 2 == 0 else -0.25
         rows.append(env.step(np.tile(np.float32([0.0, turn]), (2, 1)))[0])
-    seen = np.concatenate(rows)[:, -env.batch.layout.trail.size :]
+    seen = np.concatenate(rows)[:, -trail.size :]
     return seen.max(axis=0) > seen.min(axis=0)
 
 

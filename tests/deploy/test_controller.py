@@ -18,8 +18,9 @@ from pm01_nav.deploy.simulated_robot import SimulatedRobot
 from pm01_nav.errors import InputError
 from pm01_nav.planners import make_planner
 from pm01_nav.task.action import ActionLimits
-from pm01_nav.task.observation import ObservationLayout, scan_geometry
+from pm01_nav.task.observation import ObservationLayout, UsualParts
 from pm01_nav.task.randomization import RandomizationConfig
+from pm01_nav.task.scans import scan_geometry
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
 
@@ -255,7 +256,9 @@ def test_what_a_policy_sees_can_be_drawn(robot, make_scan):
     limits = ActionLimits(
         robot.limits.linear_min, robot.limits.linear_max, robot.limits.angular_max
     )
-    policy.layout = ObservationLayout(geometry, limits, sectors=4)
+    policy.layout = ObservationLayout(
+        geometry, limits, UsualParts(sectors=4).made(geometry, limits)
+    )
     controller.see_scan(make_scan(5.0, 2.0), 5.0)
     lines = controller.beams()
     # Four sectors of 90 beams, one a degree, from behind on: their middles look 44.5 deg further.

@@ -20,7 +20,7 @@ from pm01_nav.deploy.link import Inbox, Topics
 from pm01_nav.deploy.safety import Reason, SafetyConfig
 from pm01_nav.errors import InputError
 from pm01_nav.planners import make_planner
-from pm01_nav.task.observation import scan_geometry
+from pm01_nav.task.scans import scan_geometry
 
 pytest.importorskip("cyclonedds")
 

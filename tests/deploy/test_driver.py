@@ -16,7 +16,7 @@ from pm01_nav.deploy.driver import Driver
 from pm01_nav.deploy.goals import Goal
 from pm01_nav.deploy.safety import Reason, SafetyConfig
 from pm01_nav.planners import make_planner
-from pm01_nav.task.observation import scan_geometry
+from pm01_nav.task.scans import scan_geometry
 
 NS = SimpleNamespace
 

@@ -11,7 +11,7 @@ import pytest
 from pm01_nav.deploy.messages import Scan
 from pm01_nav.deploy.scan_fitting import ScanFitter
 from pm01_nav.errors import InputError
-from pm01_nav.task.observation import ScanGeometry
+from pm01_nav.task.scans import ScanGeometry
 
 FOUR = ScanGeometry(4, -math.pi, math.pi / 2, 0.1, 5.0)
 """Behind, right, ahead, left."""

@@ -14,7 +14,7 @@ from pm01_nav.planners.distance_field import (
 )
 from pm01_nav.planners.scan_planner import clean_ranges
 from pm01_nav.robot import full_circle, load_robot
-from pm01_nav.task.observation import scan_geometry
+from pm01_nav.task.scans import scan_geometry
 
 
 def robot(**lidar):

@@ -16,7 +16,7 @@ from pm01_nav.planners.scan_planner import clean_ranges
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.robot import load_robot
 from pm01_nav.task.navigation import NavigationBatch
-from pm01_nav.task.observation import scan_geometry
+from pm01_nav.task.scans import scan_geometry
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.worlds.free_space import FreeSpace
 from pm01_nav.worlds.global_plan import GlobalPlan, inflate

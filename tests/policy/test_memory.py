@@ -12,7 +12,8 @@ from pm01_nav.errors import InputError
 from pm01_nav.policy.network_policy import NetworkPolicy
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
-from pm01_nav.task.observation import ObservationLayout, ScanGeometry
+from pm01_nav.task.observation import ObservationLayout, UsualParts
+from pm01_nav.task.scans import ScanGeometry
 from pm01_nav.task.trail import TrailLayout
 
 GOAL, REST, ANSWER = (3.0, 0.0), (0.0, 0.0), (0.125, 0.75)
@@ -28,9 +29,8 @@ class Seen:
 
     def __init__(self) -> None:
         frames = FramesLayout(count=2, interval_steps=2)
-        layout = ObservationLayout(
-            GEOMETRY, LIMITS, nearness_distance=0.0, trail=TRAIL, frames=frames
-        )
+        parts = UsualParts(nearness_distance=0.0, trail=TRAIL, frames=frames)
+        layout = ObservationLayout(GEOMETRY, LIMITS, parts.made(GEOMETRY, LIMITS))
         self.observations, self.memories = [], []
         self.policy = NetworkPolicy(layout, self._network, 0.1, memory_size=1)
 

@@ -134,7 +134,7 @@ def test_policy_sees_what_is_measured_and_rewards_what_is_true(pool: WorldPool) 
     simulator = batch.simulator
     # No beam returns anything; the goal is told wrongly by up to half a metre.
     assert observation[:, 0] == pytest.approx((0.3 - 3.5) / (0.3 + 3.5))
-    sectors = batch.layout.sectors
+    sectors = batch.layout.part("scan").sectors
     assert 10.0 * observation[:, sectors] == pytest.approx(simulator.measured_goal[:, 0], abs=1e-5)
     step = batch.advance(np.tile([0.4, 0.0], (8, 1)))
     away = np.linalg.norm(simulator.state.goal - simulator.state.pose[:, :2], axis=1)

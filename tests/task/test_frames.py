@@ -98,7 +98,7 @@ def test_environment_and_policy_show_the_same() -> None:
         command = policy.act(
             batch.simulator.scan, np.stack([forward, left], -1), batch.simulator.measured_twist
         )
-        scan_parts = slice(0, 3 * batch.layout.sectors)
+        scan_parts = slice(0, batch.layout.part("scan").size)
         assert seen[-1][:, scan_parts] == pytest.approx(observation[:, scan_parts], abs=1e-6)
         result = batch.step(batch.layout.limits.to_action(command))
         assert result.episodes is None

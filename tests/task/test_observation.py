@@ -17,18 +17,14 @@ from pm01_nav.errors import InputError
 from pm01_nav.sim.lidar import sanitized
 from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.config import observation_layout
+from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.navigation import NavigationBatch
-from pm01_nav.task.observation import (
-    ObservationLayout,
-    ScanGeometry,
-    build_observation,
-    discard_invalid,
-    pool_sectors,
-    sector_begins,
-    show_ranges,
-)
+from pm01_nav.task.observation import ObservationLayout, Observer, UsualParts
+from pm01_nav.task.parts.base import NO_MEMORY, Elapsed, Seen
 from pm01_nav.task.randomization import RandomizationConfig
+from pm01_nav.task.scans import ScanGeometry, discard_invalid, pool_sectors, sector_begins
 from pm01_nav.task.tasks import TASKS, task_config
+from pm01_nav.task.trail import TrailLayout
 from pm01_nav.task.worlds import world_pool
 
 INF, NAN = np.inf, np.nan
@@ -36,19 +32,29 @@ GEOMETRY = ScanGeometry(
     num_beams=6, angle_min=-np.pi, angle_increment=np.pi / 3, range_min=0.1, range_max=3.5
 )
 LIMITS = ActionLimits(linear_min=-0.2, linear_max=0.5, angular_max=1.5)
-PLAIN = ObservationLayout(
-    GEOMETRY, LIMITS, nearness_distance=0.0, goal="polar", previous_action=False
-)
-RICH = ObservationLayout(GEOMETRY, LIMITS, sectors=3, nearness_distance=0.3)
+
+
+def layout_of(geometry: ScanGeometry = GEOMETRY, **keys) -> ObservationLayout:
+    return ObservationLayout(geometry, LIMITS, UsualParts(**keys).made(geometry, LIMITS))
+
+
+WITH_RANGES = {"nearness_distance": 0.0, "goal": "polar", "previous_action": False}
+PLAIN = layout_of(**WITH_RANGES)
+RICH = layout_of(sectors=3)
 SCAN = np.array([0.5, 1.0, INF, 3.5, -INF, 2.0], dtype=np.float32)
 EXACT = {"abs": 1e-6}
 """Observations are float32: numbers up to 10 are rounded to 5e-7."""
 
 
+def show(layout: ObservationLayout, scans, goals, velocities, actions):
+    """Return observations of n robots that all begin."""
+    seen = Seen(scans, goals, velocities, actions, Elapsed(0.1))
+    return Observer(layout, lambda part: NO_MEMORY).show(seen)
+
+
 def build(layout: ObservationLayout, scan=SCAN, goal=(2.0, 0.5), velocity=(0.1, -0.4)):
-    goal, velocity = np.array(goal), np.array(velocity)
-    shown = show_ranges(layout, pool_sectors(scan, layout.sectors))
-    return build_observation(layout, [shown], goal, velocity, np.array([0.25, -1.0]))
+    rows = (np.array(row)[None] for row in (scan, goal, velocity, (0.25, -1.0)))
+    return show(layout, *rows)[0]
 
 
 def test_plain_layout() -> None:
@@ -69,7 +75,7 @@ def test_rich_layout() -> None:
 def test_parts_and_sizes_agree() -> None:
     names = [(part.name, part.size) for part in RICH.parts]
     assert names == [
-        ("scan_nearness", 3),
+        ("scan", 3),
         ("goal_distance", 1),
         ("goal_sin_cos", 2),
         ("linear_velocity", 1),
@@ -94,20 +100,20 @@ def test_values_beyond_the_limits_are_clipped() -> None:
 
 
 def test_range_shown_may_be_shorter_than_the_lidars() -> None:
-    layout = replace(PLAIN, scan=replace(GEOMETRY, range_max=1.5))
+    layout = layout_of(replace(GEOMETRY, range_max=1.5), **WITH_RANGES)
     assert build(layout)[:6] == pytest.approx([0.5, 1.0, 1.5, 1.5, 0.1, 1.5], **EXACT)
 
 
-def test_leading_dimensions() -> None:
-    scans = np.stack([SCAN, SCAN[::-1], SCAN + 1, SCAN * 0.5, SCAN, SCAN]).reshape(2, 3, 6)
-    scans = show_ranges(RICH, pool_sectors(scans, RICH.sectors))
-    goals = np.random.default_rng(0).uniform(0.0, 3.0, (2, 3, 2))
-    rest = np.zeros((2, 3, 2))
-    together = build_observation(RICH, [scans], goals, rest, rest)
-    assert together.shape == (2, 3, 10)
-    for index in np.ndindex(2, 3):
-        alone = build_observation(RICH, [scans[index]], goals[index], rest[index], rest[index])
-        assert (together[index] == alone).all()
+def test_robots_beside_each_other_are_seen_alone() -> None:
+    scans = np.stack([SCAN, SCAN[::-1], SCAN + 1, SCAN * 0.5, SCAN, SCAN])
+    goals = np.random.default_rng(0).uniform(0.0, 3.0, (6, 2))
+    rest = np.zeros((6, 2))
+    together = show(RICH, scans, goals, rest, rest)
+    assert together.shape == (6, 10)
+    for i in range(6):
+        row = slice(i, i + 1)
+        alone = show(RICH, scans[row], goals[row], rest[row], rest[row])
+        assert (together[i] == alone[0]).all()
 
 
 def test_invalid_ranges_say_nothing() -> None:
@@ -158,7 +164,7 @@ def test_simulated_scans_are_clean() -> None:
 
 def test_an_invalid_range_hides_no_nearer_return() -> None:
     scan = discard_invalid(np.array([NAN, 0.7, 0.01, 0.9, INF, NAN], dtype=np.float32), GEOMETRY)
-    layout = replace(RICH, nearness_distance=0.0)
+    layout = layout_of(sectors=3, nearness_distance=0.0)
     assert build(layout, scan)[:3] == pytest.approx([0.7, 0.9, 3.5], **EXACT)
 
 
@@ -186,10 +192,12 @@ def test_pool_sectors_takes_the_nearest() -> None:
 @pytest.mark.parametrize("sectors", [7, -1, 12])
 def test_sectors_without_a_beam_are_refused(sectors: int) -> None:
     with pytest.raises(InputError, match="must be from 0 to the number of beams, 6"):
-        replace(RICH, sectors=sectors)
+        layout_of(sectors=sectors)
 
 
-@pytest.mark.parametrize("layout", [PLAIN, RICH])
+@pytest.mark.parametrize(
+    "layout", [PLAIN, RICH, layout_of(trail=TrailLayout(7), frames=FramesLayout(1, 2))]
+)
 def test_layout_survives_json(layout: ObservationLayout) -> None:
     assert ObservationLayout.from_dict(json.loads(json.dumps(layout.to_dict()))) == layout
 
@@ -202,12 +210,33 @@ def test_layout_survives_json(layout: ObservationLayout) -> None:
         ({"scan": GEOMETRY.__dict__ | {"fov": 1}}, "observation layout"),
         ({"limits": {}}, "observation layout"),
         ({"limits": None}, "observation layout"),
-        ({"sectors": 7}, "sectors"),
+        ({"parts": [{"part": "scan", "sectors": 7}]}, "sectors"),
+        ({"parts": [{"part": "scan", "frames": {"count": 0}}]}, "frames.count = 0"),
+        ({"parts": [{"part": "sonar"}]}, "observation.parts.sonar: unknown; allowed: angular"),
+        ({"parts": [{"part": "scan", "colour": 1}]}, "observation.parts.scan.colour: unknown"),
+        ({"parts": [{"part": "goal_bearing"}] * 2}, "observation.parts.goal_bearing: is there tw"),
+        ({"parts": None}, "observation layout"),
     ],
 )
 def test_foreign_metadata_is_refused(change, message: str) -> None:
     with pytest.raises(InputError, match=message):
         ObservationLayout.from_dict(RICH.to_dict() | change)
+
+
+def test_metadata_of_format_1_lists_no_parts() -> None:
+    keys = {"sectors": 3, "nearness_distance": 0.3, "goal": "polar_sin_cos", "normalize": True}
+    keys |= {"previous_action": True, "goal_distance_max": 10.0, "trail": None, "frames": None}
+    plain = RICH.to_dict()
+    earlier = {"scan": plain["scan"], "limits": plain["limits"]} | keys
+    assert ObservationLayout.from_dict(json.loads(json.dumps(earlier))) == RICH
+    earlier["frames"] = {"count": 1, "interval_steps": 4}
+    earlier["trail"] = {"sectors": 5}
+    layout = ObservationLayout.from_dict(earlier)
+    # Two scans of 3; distance, sine, cosine, v, w; the action; 5 sectors and the familiarity.
+    assert [part.size for part in layout.parts] == [6, 1, 2, 1, 1, 2, 6]
+    assert layout.part("scan").frames.interval_steps == 4
+    with pytest.raises(InputError, match=r"observation\.colour: unknown key"):
+        ObservationLayout.from_dict(earlier | {"colour": 1})
 
 
 def test_missing_metadata_is_refused() -> None:
@@ -222,17 +251,16 @@ def test_bounds_hold_and_are_reached(layout: ObservationLayout) -> None:
     rng = np.random.default_rng(0)
     n = 500
     scan = rng.choice([-INF, 0.1, 0.3, 3.5, INF], (n, 6)).astype(np.float32)
-    scan = show_ranges(layout, pool_sectors(scan, layout.sectors))
     goal = np.column_stack([rng.choice([0.0, 10.0, 99.0], n), rng.choice([-np.pi, 0, np.pi], n)])
     velocity = np.column_stack([rng.choice([-9.0, 9.0], n), rng.choice([-9.0, 9.0], n)])
-    observation = build_observation(layout, [scan], goal, velocity, rng.choice([-1.0, 1.0], (n, 2)))
+    observation = show(layout, scan, goal, velocity, rng.choice([-1.0, 1.0], (n, 2)))
     if layout.normalize:
         observation = observation / np.array(layout.scale, dtype=np.float32)
     low, high = (np.array(bound, dtype=np.float32) for bound in layout.bounds)
     assert ((observation >= low) & (observation <= high)).all()
     # Each part but the scan, whose least value is range_min and not 0, fills its bounds.
     rest = slice(layout.parts[0].size, None)
-    if layout.goal == "polar":
+    if layout.part("goal_bearing"):
         assert observation.min(axis=0)[rest] == pytest.approx(low[rest], **EXACT)
         assert observation.max(axis=0)[rest] == pytest.approx(high[rest], **EXACT)
 
