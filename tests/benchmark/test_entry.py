@@ -13,7 +13,7 @@ from pm01_nav.errors import InputError
 def test_a_planner_is_known_by_its_parameters() -> None:
     assert planner_entry("dwa") == planner_entry("dwa")
     assert planner_entry("dwa").fingerprint != planner_entry("mppi").fingerprint
-    with pytest.raises(InputError, match="planner = 'moon': unknown; allowed: goal_seeking"):
+    with pytest.raises(InputError, match="planner = 'moon': unknown; allowed: dwa, gap_following"):
         planner_entry("moon")
 
 
