@@ -17,15 +17,13 @@ from pm01_nav.errors import InputError
 from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.observation import ObservationLayout, Observer
-from pm01_nav.task.parts import Elapsed, Seen
+from pm01_nav.task.parts.base import ALL, Elapsed, Seen
 from pm01_nav.task.people import nearest_mover
 from pm01_nav.task.privileged import Privileged
 from pm01_nav.task.rewards import REWARDS, needed
 from pm01_nav.task.step import Step
 from pm01_nav.task.terminations import judge, out_of_time
 from pm01_nav.worlds.pool import WorldPool
-
-ALL = slice(None)
 
 
 @dataclass(frozen=True)
