@@ -23,7 +23,7 @@ def cache_folder() -> Path:
     return Path(os.environ.get("PM01_CACHE") or Path(base) / "pm01_nav")
 
 
-KERNEL_SOURCES = ("compilation.py", "sim/*.py", "worlds/**/*.py")
+KERNEL_SOURCES = ("compilation.py", "drives/base.py", "sim/*.py", "worlds/**/*.py")
 """Files whose functions the simulator's kernels may call."""
 MISSING = object()
 PLANNER_SOURCES = (*KERNEL_SOURCES, "planners/*.py")

@@ -233,8 +233,8 @@ def answer(
         command = np.asarray(policy.act(scan, goal, twist), dtype=np.float64)
     except Exception as error:  # whatever a policy may raise must not end the evaluation
         raise PolicyFailureError(shown(f"{type(error).__name__}: {error}")) from error
-    if command.shape != (batch.num_envs, 2):
-        wanted = (batch.num_envs, 2)
+    wanted = (batch.num_envs, batch.layout.drive.size)
+    if command.shape != wanted:
         raise PolicyFailureError(f"answered with shape {command.shape} instead of {wanted}")
     return command
 

@@ -61,12 +61,10 @@ class DeployedPolicy(torch.nn.Module):
         self.actor = actor_of(policy)
         self.memory_size = self.actor.memory_size
         divisors = layout.scale if layout.normalize else [1.0] * layout.size
-        limits = layout.limits
-        low = [limits.linear_min, -limits.angular_max]
-        high = [limits.linear_max, limits.angular_max]
+        low, high = torch.tensor([layout.drive.low.tolist(), layout.drive.high.tolist()])
         self.register_buffer("scale", torch.tensor(divisors))
-        self.register_buffer("low", torch.tensor(low))
-        self.register_buffer("half_range", 0.5 * (torch.tensor(high) - torch.tensor(low)))
+        self.register_buffer("low", low)
+        self.register_buffer("half_range", 0.5 * (high - low))
         self.clip = statistics.clip if statistics else None
         if statistics:
             mean = statistics.mean[: layout.size].astype(np.float32)
@@ -75,7 +73,7 @@ class DeployedPolicy(torch.nn.Module):
             self.register_buffer("deviation", torch.from_numpy(deviation.astype(np.float32)))
 
     def forward(self, observation: torch.Tensor, memory: torch.Tensor | None = None) -> Any:
-        """Return commands (n, 2) for observations (n, size).
+        """Return commands (n, axes) for observations (n, size).
 
         An actor that remembers is given its memory (n, memory_size), zeros at first, and the new
         memory is returned, too.

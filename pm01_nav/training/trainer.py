@@ -245,7 +245,7 @@ def _compiling(run: Callable[[], None]) -> float:
 def _try_out(batch: NavigationBatch) -> None:
     """Reset and step once; the learner's own reset begins everything anew."""
     batch.reset(np.arange(batch.num_envs))
-    batch.step(batch.arrays.from_numpy(np.zeros((batch.num_envs, 2))))
+    batch.step(batch.arrays.from_numpy(np.zeros((batch.num_envs, batch.layout.drive.size))))
 
 
 @contextmanager

@@ -295,7 +295,7 @@ def go_to_goal(layout, observation: NDArray[np.float32]) -> NDArray[np.float64]:
         begin += part.size
     sin, cos = observation[:, at["goal_sin_cos"]].T
     bearing = np.arctan2(sin, cos)
-    limits = layout.limits
+    limits = layout.drive
     stop = -limits.linear_min * 2 / (limits.linear_max - limits.linear_min) - 1.0
     linear = np.where(np.abs(bearing) < 0.4, 1.0, stop)
     return np.stack([linear, np.clip(2.0 * bearing / limits.angular_max, -1, 1)], axis=-1)

@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pm01_nav.task.action import ActionLimits
+from pm01_nav.drives import DifferentialDrive
 
-LIMITS = ActionLimits(linear_min=-0.2, linear_max=0.5, angular_max=1.5)
+LIMITS = DifferentialDrive(linear_min=-0.2, linear_max=0.5, angular_max=1.5)
 
 
 @pytest.mark.parametrize(
@@ -36,5 +36,5 @@ def test_round_trip_over_leading_dimensions() -> None:
 
 
 def test_robot_that_cannot_reverse() -> None:
-    forwards = ActionLimits(linear_min=0.0, linear_max=1.0, angular_max=2.0)
+    forwards = DifferentialDrive(linear_min=0.0, linear_max=1.0, angular_max=2.0)
     assert forwards.to_command(np.array([-1.0, 0.0])).tolist() == [0.0, 0.0]
