@@ -188,11 +188,12 @@ def trail_is_alive(case: str) -> NDArray[np.bool_]:
     room = FEW | {"time_limit_steps": 500, "suite": "empty"}
     env = NavVectorEnv(8, resolve_task(task, room | changes))
     rows = [env.reset(seed=0)[0]]
-    action = np.zeros(env.action_space.shape, dtype=np.float32)
+    drive = env.batch.layout.drive
     for step in range(400):
-        # A circle of 0.75 m / s and 1 rad / s to the left, then one to the right.
-        action[:, -1] = 0.25 if step // 63 % 2 == 0 else -0.25
-        rows.append(env.step(action)[0])
+        # A circle of 0.45 m / s and 1 rad / s to the left, then one to the right.
+        turn = 1.0 if step // 63 % 2 == 0 else -1.0
+        command = drive.from_unicycle(np.tile([0.45, turn], (8, 1)))
+        rows.append(env.step(drive.to_action(command))[0])
     seen = np.concatenate(rows)[:, env.batch.layout.places["trail"]]
     return seen.max(axis=0) > seen.min(axis=0)
 
