@@ -24,7 +24,7 @@ from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.worlds.pool import WorldPool, generate_pool
-from pm01_nav.worlds.suites import SUITES
+from pm01_nav.worlds.suites import suites
 from pm01_nav.worlds.world import World
 
 PEERS = Path(__file__).parent / "peers"
@@ -67,7 +67,7 @@ def measure_mixed(num_envs: int, seconds: float) -> dict[str, Any]:
     radius = task.robot_spec().footprint.circumscribed_radius + task.margin
 
     def build(first: int, count: int) -> WorldPool:
-        pool = generate_pool(SUITES["mixed"], range(first, first + count), radius)
+        pool = generate_pool(suites()["mixed"].generator, range(first, first + count), radius)
         pool.arrays_for(task.robot_spec().lidar.range_max)
         return pool
 

@@ -112,7 +112,7 @@ def _first_problem(model: type[BaseModel], error: ValidationError, inside: str) 
     key = ".".join(part for part in parts if part) or "the whole"
     message = problem["msg"].removeprefix("Value error, ")
     if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        return f"{key}: unknown key; allowed here: {', '.join(_siblings(model, problem['loc']))}"
+        return f"{key}: unknown key; allowed here: {_siblings(model, problem['loc'])}"
     if problem["type"] == "missing":
         return f"{key}: is missing"
     others = error.error_count() - 1
@@ -123,7 +123,7 @@ def _first_problem(model: type[BaseModel], error: ValidationError, inside: str) 
     return f"{key}{value}: {message[:1].lower()}{message[1:]}{more}"
 
 
-def _siblings(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
+def _siblings(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
     """Name the keys that are allowed beside the one at ``location``."""
     annotation: Any = model
     for part in location[:-1]:
@@ -131,7 +131,9 @@ def _siblings(model: type[BaseModel], location: tuple[int | str, ...]) -> list[s
             annotation = annotation.model_fields[str(part)].annotation
         elif get_origin(annotation) is dict:
             annotation = get_args(annotation)[1]
-    return list(annotation.model_fields) if _is_model(annotation) else ["see the documentation"]
+    if not _is_model(annotation):
+        return "see the documentation"
+    return ", ".join(annotation.model_fields) or "none"
 
 
 def _is_model(annotation: Any) -> bool:

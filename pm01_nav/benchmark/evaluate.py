@@ -17,11 +17,11 @@ from pm01_nav.policy.protocol import Policy
 from pm01_nav.provenance import shown
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
-from pm01_nav.task.worlds import FILE_SUITES, world_pool
-from pm01_nav.worlds.barn import load_barn
+from pm01_nav.task.worlds import world_pool
 from pm01_nav.worlds.free_space import shortest_path_length
 from pm01_nav.worlds.global_plan import inflate
 from pm01_nav.worlds.pool import WorldPool
+from pm01_nav.worlds.suites import world_source_of
 
 CHUNK = 1024
 """Episodes simulated side by side."""
@@ -67,18 +67,6 @@ class GoalSource:
             self._follower.keep(robots)
 
 
-def reference_lengths(config: TaskConfig, pool: WorldPool) -> FloatArray:
-    """Return the lengths by which BARN judges times [m], shape (num_worlds,); NaN elsewhere."""
-    if config.suite == "barn" and config.worlds is not None:
-        return load_barn(config.worlds).path_lengths
-    if config.suite != "dynabarn":
-        return np.full(len(pool), np.nan)
-    # From start to goal; the challenge's script means the same and mistakes a sign.
-    starts = np.array([world.start or (np.nan,) * 3 for world in pool.worlds])
-    goals = np.array([world.goal_area or (np.nan,) * 4 for world in pool.worlds])
-    return np.linalg.norm(starts[:, :2] - goals[:, :2], axis=1)
-
-
 class PolicyFailureError(Exception):
     """A policy raised an error or answered with something unusable."""
 
@@ -109,8 +97,9 @@ class Evaluator:
         """
         self.config, self.episodes, self.seed = config, episodes, seed
         self.first, self.look_ahead = first, look_ahead
+        self._held_out = world_source_of(config.suite).held_out
         self.pool = world_pool(config, "held_out", episodes, seed, first=first)
-        self._reference = reference_lengths(config, self.pool)
+        self._reference = np.array([world.reference_length for world in self.pool.worlds])
         self._shortest: dict[int, float] = {}
 
     def run(self, policy: Policy, numbers: IntArray | None = None) -> tuple[EpisodeResults, float]:
@@ -153,12 +142,11 @@ class Evaluator:
 
     def _place(self, numbers: IntArray) -> IntArray:
         """Return where in the pool the worlds of these episodes are."""
-        offset = 0 if self.config.suite in FILE_SUITES else self.first
-        return (numbers - offset) % len(self.pool)
+        return (numbers - self.first * self._held_out) % len(self.pool)
 
     def _world(self, numbers: IntArray) -> IntArray:
         """Return a number for the world of each episode, the same in all evaluations."""
-        return numbers % len(self.pool) if self.config.suite in FILE_SUITES else numbers
+        return numbers if self._held_out else numbers % len(self.pool)
 
     def _shortest_paths(self, batch: NavigationBatch, numbers: IntArray) -> FloatArray:
         """Return the shortest length from each start to its goal's radius [m]."""

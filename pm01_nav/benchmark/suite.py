@@ -16,8 +16,9 @@ from pm01_nav.robot import RobotSpec
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.randomization import IN_STEPS, load_randomization
 from pm01_nav.task.tasks import task_config
-from pm01_nav.task.worlds import FILE_SUITES, world_pool
-from pm01_nav.worlds.suites.frozen import worlds_hash
+from pm01_nav.task.worlds import world_pool
+from pm01_nav.worlds.frozen import worlds_hash
+from pm01_nav.worlds.suites import world_source_of
 
 HASHED_WORLDS = 16
 """Generated worlds that the hash covers; of worlds from files it covers all."""
@@ -76,8 +77,8 @@ class Suite:
 
     @property
     def from_files(self) -> bool:
-        """Whether its worlds are somebody's files, visited in turn."""
-        return self.task.suite in FILE_SUITES
+        """Whether its worlds are a given number, visited in turn."""
+        return not world_source_of(self.task.suite).held_out
 
     def describe(self) -> dict[str, Any]:
         """Return what a reader should know of it, as plain data."""
@@ -110,11 +111,12 @@ def read_suite(
     """
     name, separator, path = text.partition("=")
     task = task_config(name)
-    if separator != "" and task.suite not in FILE_SUITES:
+    key = world_source_of(task.suite).path
+    if separator != "" and key is None:
         raise InputError(f"suite = {text!r}: the worlds of {name} are generated, not read")
-    if task.suite in FILE_SUITES and not path:
+    if key is not None and not path:
         raise InputError(f"suite = {text!r}: its worlds are files; write {name}=PATH")
-    changes: dict[str, Any] = {"map" if task.suite == "map" else "worlds": path} if path else {}
+    changes: dict[str, Any] = {} if key is None else {key: path}
     how, added = _variation(task, robot, randomization, backend)
     return Suite(name + added, _changed(task, changes | how), seed)
 

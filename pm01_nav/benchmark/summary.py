@@ -14,11 +14,9 @@ from pm01_nav.benchmark.metrics import barn_score, spl, wilson_interval
 from pm01_nav.benchmark.recorder import EpisodeResults
 from pm01_nav.provenance import shown_path
 from pm01_nav.task.config import TaskConfig
+from pm01_nav.worlds.suites import world_source_of
 
 FloatArray = NDArray[np.float64]
-
-DYNABARN_SUCCESS = 0.125
-"""What the challenge's script gives for any success on DynaBARN."""
 
 
 def evaluated_in(backend: str) -> str:
@@ -67,16 +65,13 @@ def summarize(results: EpisodeResults, config: TaskConfig) -> dict[str, Any]:
     }
     if np.isfinite(results.reference_path).all():
         summary |= summarize_barn(results, config.backend)
-    if config.suite == "dynabarn":
-        summary["dynabarn_score_as_published"] = DYNABARN_SUCCESS * float(won.mean())
-    return summary
+    return summary | world_source_of(config.suite).figures(won)
 
 
 def summarize_barn(results: EpisodeResults, backend: str) -> dict[str, Any]:
     """Return the BARN challenge's scores, labelled as ours: means of each world's mean.
 
-    On DynaBARN the reference is the way's true length. The challenge's own script takes it for
-    -31 m, so that each success scores 0.125, however long it took.
+    On DynaBARN the reference is the way's true length, not that of the challenge's script.
     """
     length = results.reference_path
     worlds, index = np.unique(results.world, return_inverse=True)

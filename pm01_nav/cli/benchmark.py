@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pm01_nav.cli.options import episode_options, ray_option
+from pm01_nav.cli.tables import TableOption
 
 if TYPE_CHECKING:
     from pm01_nav.benchmark.entry import Entry
@@ -24,15 +25,16 @@ if TYPE_CHECKING:
     "suites",
     multiple=True,
     metavar="NAME",
-    help="A task's held-out worlds (repeatable); with files: barn=DIR, dynabarn=FILE, map=FILE.",
+    cls=TableOption,
+    help="A task's held-out worlds (repeatable): {tasks}. Worlds from files as NAME=PATH.",
 )
 @click.option(
     "--sweep",
     "sweeps",
     multiple=True,
     metavar="NAME",
-    help="One thing varied (repeatable): density, pedestrians, pedestrian_speed, lidar_noise, "
-    "lidar_dropout, command_delay, odometry_drift.",
+    cls=TableOption,
+    help="One thing varied (repeatable): {sweeps}.",
 )
 @click.option(
     "--policy",
@@ -46,8 +48,8 @@ if TYPE_CHECKING:
     "planners",
     multiple=True,
     metavar="NAME",
-    help="goal_seeking, gap_following, vfh, pure_pursuit, regulated_pure_pursuit, dwa or mppi "
-    "(repeatable).",
+    cls=TableOption,
+    help="A planner (repeatable): {planners}.",
 )
 @episode_options
 @click.option("--robot", metavar="NAME|FILE", help="Drive this robot on all suites.")
@@ -59,7 +61,8 @@ if TYPE_CHECKING:
 @click.option(
     "--backend",
     metavar="NAME",
-    help="What moves the robots: planar, mujoco or pybullet; the suites' names get it added.",
+    cls=TableOption,
+    help="What moves the robots: {backends}; the suites' names get it added.",
 )
 @click.option("--out", required=True, metavar="DIR", help="Where results are, or are added.")
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")

@@ -14,9 +14,12 @@ from pm01_nav.cli.options import (
     task_from_options,
     task_options,
 )
+from pm01_nav.cli.tables import TableCommand
 
 
-@click.command("evaluate", short_help="Measure a policy on worlds it has never seen.")
+@click.command(
+    "evaluate", cls=TableCommand, short_help="Measure a policy on worlds it has never seen."
+)
 @click.argument("policy")
 @task_options
 @plan_options
@@ -34,7 +37,7 @@ def command(
 ) -> None:
     """Measure POLICY: a policy.onnx, a run's folder, zoo:NAME, or a planner's name.
 
-    Planners: goal_seeking, gap_following, vfh, pure_pursuit, regulated_pure_pursuit, dwa, mppi.
+    Planners: {planners}.
 
     Rates come with Wilson 95 % intervals. Without --task a policy is measured on the task it was
     trained on. BARN (Perille et al. 2020): unpack the dataset, then

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pm01_nav.cli.tables import TableOption
+
 if TYPE_CHECKING:
     from pm01_nav.task.config import TaskConfig
 
@@ -65,9 +67,8 @@ def task_options(command: Command) -> Command:
             click.option(
                 "--task",
                 metavar="NAME",
-                help="Where to drive: static, empty, article, corridors, rooms, maze, u_traps, "
-                "crowd, warehouse, mixed, map (with --map), barn_like, dynabarn_like, barn and "
-                "dynabarn (with --worlds).",
+                cls=TableOption,
+                help="Where to drive: {tasks}.",
             ),
             click.option(
                 "--map",
@@ -85,14 +86,14 @@ def task_options(command: Command) -> Command:
             click.option(
                 "--robot",
                 metavar="NAME|FILE",
-                help="A robot by name (pm01, jackal, turtlebot3_burger, turtlebot3_waffle) or its "
-                "YAML.",
+                cls=TableOption,
+                help="A robot by name ({robots}) or its YAML.",
             ),
             click.option(
                 "--backend",
                 metavar="NAME",
-                help="What moves the robots: planar (our simulator), or mujoco, pybullet or "
-                "gazebo, with wheels, weight and contacts.  [default: planar]",
+                cls=TableOption,
+                help="What moves the robots: {backends}.  [default: planar]",
             ),
             click.option(
                 "--config",

@@ -30,8 +30,8 @@ EVAL_EVERY = 250_000
     "suites",
     multiple=True,
     metavar="NAME",
-    help="Measure on this task instead of the one trained on (repeatable); with files: barn=DIR, "
-    "dynabarn=FILE, map=FILE.",
+    help="Measure on this task instead of the one trained on (repeatable); worlds from files as "
+    "NAME=PATH.",
 )
 @click.option("--episodes", type=click.IntRange(1), default=1000, show_default=True)
 @click.option(

@@ -7,16 +7,18 @@ from typing import Any
 
 import click
 
+from pm01_nav.cli.tables import TableGroup
 from pm01_nav.cli.worlds_export import export
 from pm01_nav.cli.worlds_file import file_options, is_file, own_task, show_file
 
 
-@click.group("worlds", short_help="Look at generated and own worlds, or write one to a file.")
+@click.group(
+    "worlds", cls=TableGroup, short_help="Look at generated and own worlds, or write one to a file."
+)
 def command() -> None:
     """Look at the worlds of a suite or at an own one, or write one for another simulator.
 
-    A suite is a family of generated worlds: empty, static, article, barn_like, dynabarn_like,
-    corridors, rooms, maze, u_traps, crowd, warehouse, or mixed, which draws from most of them.
+    A suite is a family of generated worlds: {suites}.
     """
 
 
@@ -52,9 +54,8 @@ def show(source: str, seed: int, count: int, output: str, **options: Any) -> Non
     from pm01_nav.rendering.sheet import draw_sheet, save_sheet
     from pm01_nav.task.tasks import task_config
     from pm01_nav.task.worlds import world_pool
-    from pm01_nav.worlds.suites import SUITES
 
-    if is_file(source, tuple(SUITES), options):
+    if is_file(source, options):
         show_file(own_task(source, **options), seed, output)
         return
     pool = world_pool(task_config(source), "held_out", count, seed)

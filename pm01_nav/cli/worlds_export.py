@@ -39,21 +39,16 @@ def export(
       pm01 worlds export office.yaml --format sdf -o office.sdf
     """
     from pm01_nav.errors import InputError
-    from pm01_nav.task.tasks import TASKS, task_config
-    from pm01_nav.task.worlds import SEEDS_PER_RUN, world_seeds
+    from pm01_nav.task.tasks import task_config
+    from pm01_nav.task.worlds import SEEDS_PER_RUN, world_pool
     from pm01_nav.worlds.files import write_world
-    from pm01_nav.worlds.pool import generate_pool
-    from pm01_nav.worlds.suites import SUITES
 
-    if is_file(source, tuple(sorted(SUITES)), options):
+    if is_file(source, options):
         export_file(own_task(source, **options), output, format_, resolution)
         return
     if not 0 <= seed < SEEDS_PER_RUN:
         raise InputError(f"seed = {seed}: must be 0 to {SEEDS_PER_RUN - 1}")
     # A draw that the robot cannot cross is drawn again, so the robot has a say in the world.
-    config = task_config(source if source in TASKS else "static")
-    radius = config.robot_spec().footprint.circumscribed_radius + config.margin
-    world_seed = world_seeds("held_out", seed + 1, 0)[seed]
-    (world,) = generate_pool(SUITES[source], [world_seed], radius).worlds
+    (world,) = world_pool(task_config(source), "held_out", 1, first=seed).worlds
     write_world(world, output, format_, resolution=resolution)
     click.echo(f"wrote {output}")

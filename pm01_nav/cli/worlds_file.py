@@ -27,18 +27,19 @@ def file_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def is_file(source: str, suites: tuple[str, ...], options: dict[str, Any]) -> bool:
+def is_file(source: str, options: dict[str, Any]) -> bool:
     """Tell whether ``source`` is a file, not the name of a suite.
 
     Raises:
         InputError: it is neither, or a suite is given ``options`` that are for files.
     """
     from pm01_nav.errors import InputError
+    from pm01_nav.worlds.suites import suites
 
-    if source not in suites:
+    if source not in suites():
         if Path(source).suffix or Path(source).exists():
             return True
-        allowed = ", ".join(suites)
+        allowed = ", ".join(suites())
         raise InputError(f"suite = {source!r}: unknown; allowed: {allowed}, or a world's file")
     for name, value in options.items():
         if value:
@@ -68,9 +69,9 @@ def show_file(config: TaskConfig, seed: int, output: str) -> None:
     """
     from pm01_nav.rendering.own_world import draw_own_world
     from pm01_nav.rendering.sheet import COLORS, save_sheet
-    from pm01_nav.task.worlds import own_world_pool
+    from pm01_nav.task.worlds import world_pool
 
-    pool = own_world_pool(config)
+    pool = world_pool(config, "held_out", 1)
     save_sheet(draw_own_world(pool, seed).quantize(COLORS), output)
     for line in _facts(config, pool):
         click.echo(line)
@@ -122,11 +123,12 @@ def export_file(config: TaskConfig, output: str, format_: str, resolution: float
         InputError: the file is unusable, or the output is the file itself or cannot be written to.
     """
     from pm01_nav.errors import InputError
-    from pm01_nav.task.worlds import own_world
-    from pm01_nav.worlds.files import write_world
+    from pm01_nav.worlds.files import read_world, write_world
+    from pm01_nav.worlds.region import drive_within
 
     source, target = Path(config.map or ""), Path(output)
     if source.exists() and target.exists() and source.samefile(target):
         raise InputError(f"output = {output}: is the file that is read")
-    write_world(own_world(config), target, format_, resolution=resolution)
+    world = read_world(source, model_folders=config.models, partial=config.partial)
+    write_world(drive_within(world, config.region), target, format_, resolution=resolution)
     click.echo(f"wrote {output}")

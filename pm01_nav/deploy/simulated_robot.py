@@ -21,7 +21,7 @@ from pm01_nav.deploy.messages import Odometry, Scan
 from pm01_nav.geometry import to_world
 from pm01_nav.robot import RobotSpec, load_robot
 from pm01_nav.task.randomization import RandomizationConfig, load_randomization
-from pm01_nav.task.tasks import TASKS, task_config
+from pm01_nav.task.tasks import task_config, task_names
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.worlds.files import read_world
 from pm01_nav.worlds.pool import WorldPool, build_pool
@@ -161,7 +161,7 @@ def simulated_robot(
         InputError: there is no such world or robot, or no way leads through the world.
     """
     spec = robot if isinstance(robot, RobotSpec) else load_robot(robot)
-    if world in TASKS:
+    if world in task_names():
         pool = world_pool(task_config(world), "held_out", NUM_WORLDS, 1, robot=spec)
     else:
         pool = build_pool([read_world(world)], spec.footprint.circumscribed_radius + MARGIN)

@@ -10,7 +10,7 @@ from pm01_nav.config import merge, validate
 from pm01_nav.errors import InputError
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.randomization import load_randomization
-from pm01_nav.task.tasks import TASKS, task_config
+from pm01_nav.task.tasks import task_config, task_names
 
 
 def chosen_task(
@@ -34,7 +34,7 @@ def chosen_task(
     """
     name = task or (base.name if base else None) or given.get("name")
     if name is None:
-        raise InputError(f"task: give --task; one of {', '.join(sorted(TASKS))}")
+        raise InputError(f"task: give --task; one of {', '.join(task_names())}")
     start = base if base is not None and base.name == name else task_config(name)
     if keys.get("map") is not None:
         # A region belongs to the map it was given with.

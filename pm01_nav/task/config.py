@@ -54,7 +54,7 @@ class TaskConfig(FrozenModel):
 
     name: str
     suite: str
-    """Where the worlds come from: a generator's name, ``map``, ``barn`` or ``dynabarn``."""
+    """Where the worlds come from: a name of the table ``worlds.suites.SOURCES``."""
     suite_params: dict[str, float] = Field(default_factory=dict)
     """Parameters of the generator to fix, e.g. ``{pedestrians: 20}`` for ``crowd``."""
     map: str | None = None
@@ -117,10 +117,6 @@ class TaskConfig(FrozenModel):
         low, high = self.goal_distance
         if high is not None and high <= low:
             raise ValueError("goal_distance: the greatest must exceed the least")
-        if self.region is not None and self.suite != "map":
-            raise ValueError(
-                f"region: is for own worlds (task map), not for the suite {self.suite}"
-            )
         if self.randomization and self.randomization.footprint_padding[1] > self.margin:
             raise ValueError(
                 f"randomization.footprint_padding: must not exceed margin ({self.margin:g}), or "

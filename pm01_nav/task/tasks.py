@@ -11,6 +11,7 @@ from pm01_nav.robot import full_circle
 from pm01_nav.task.config import ObservationConfig, RewardTerm, TaskConfig
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.trail import TrailLayout
+from pm01_nav.worlds.suites import SOURCES
 
 TaskFactory = Callable[[], TaskConfig]
 TASKS: dict[str, TaskFactory] = {}
@@ -23,14 +24,21 @@ def task(factory: TaskFactory) -> TaskFactory:
 
 
 def task_config(name: str) -> TaskConfig:
-    """Return the configuration of a task by its name.
+    """Return the configuration of a task by its name; a suite without one has our default task.
 
     Raises:
         InputError: no such task.
     """
-    if name not in TASKS:
-        raise InputError(f"task = {name!r}: unknown; allowed: {', '.join(sorted(TASKS))}")
-    return TASKS[name]()
+    if name in TASKS:
+        return TASKS[name]()
+    if name in SOURCES:
+        return navigation(name)
+    raise InputError(f"task = {name!r}: unknown; allowed: {', '.join(task_names())}")
+
+
+def task_names() -> list[str]:
+    """Return what ``task_config`` knows, in alphabetical order."""
+    return sorted({*TASKS, *SOURCES})
 
 
 def article_rewards() -> dict[str, RewardTerm]:

@@ -3,23 +3,17 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.config import TaskConfig
-from pm01_nav.worlds.barn import load_barn
-from pm01_nav.worlds.dynabarn import read_dynabarn
-from pm01_nav.worlds.files import read_world
-from pm01_nav.worlds.pool import WorldPool, build_pool
-from pm01_nav.worlds.pool_cache import suite_pool
-from pm01_nav.worlds.reading import Reading, tell
-from pm01_nav.worlds.region import drive_within, starts_outside
-from pm01_nav.worlds.suites import SUITES
-from pm01_nav.worlds.world import World
+from pm01_nav.worlds.pool import WorldPool
+from pm01_nav.worlds.suites import SOURCES, Wanted, WorldSource, world_source_of
 
 Split = Literal["train", "held_out"]
-FILE_SUITES = ("map", "barn", "dynabarn")
+KEYS = ("suite_params", "map", "models", "partial", "region", "worlds")
+"""What a task tells its source of worlds; no source reads all of it."""
 SEEDS_PER_RUN = 1 << 20
 """World seeds set aside for each run seed, so that no two runs share worlds."""
 
@@ -33,7 +27,7 @@ def world_pool(
     first: int = 0,
     robot: RobotSpec | None = None,
 ) -> WorldPool:
-    """Make or read worlds for a task.
+    """Make or read worlds for a task, as its suite says.
 
     Generated worlds of the two splits never share a seed; ``seed`` chooses among those of a
     split, and the first of them can be left out. Worlds from files are the same in both splits
@@ -42,56 +36,10 @@ def world_pool(
     Raises:
         InputError: the suite is unknown, its files are unusable, or no way leads to a goal.
     """
-    if config.suite == "map":
-        return own_world_pool(config, robot)
+    source = world_source_of(config.suite)
     footprint = (robot or config.robot_spec()).footprint
-    if config.suite == "barn":
-        barn = load_barn(_required(config.worlds, "worlds"))
-        return build_pool(barn.worlds, footprint.inscribed_radius)
-    if config.suite == "dynabarn":
-        worlds = read_dynabarn(_required(config.worlds, "worlds"))
-        # As in the challenge, each run begins at the beginning of the obstacles' tracks.
-        return build_pool(worlds, footprint.inscribed_radius, random_phase=False)
-    if config.suite not in SUITES:
-        allowed = ", ".join(sorted([*SUITES, *FILE_SUITES]))
-        raise InputError(f"suite = {config.suite!r}: unknown; allowed: {allowed}")
-    radius = footprint.circumscribed_radius + config.margin
     seeds = world_seeds(split, first + count, seed)[first:]
-    return suite_pool(config.suite, seeds, radius, config.suite_params)
-
-
-def own_world_pool(config: TaskConfig, robot: RobotSpec | None = None) -> WorldPool:
-    """Read the world of ``config.map``; warn if episodes start outside of what walls enclose.
-
-    ``robot`` takes the place of the task's.
-
-    Raises:
-        InputError: the file is unusable, or no way leads to a goal.
-    """
-    world = _whole_world(config)
-    radius = (robot or config.robot_spec()).footprint.circumscribed_radius + config.margin
-    pool = build_pool([_part(world, config)], radius)
-    if (warning := starts_outside(world, pool.arrays.starts)) is not None:
-        tell(Reading(world, (warning,)))
-    return pool
-
-
-def own_world(config: TaskConfig) -> World:
-    """Read the world of ``config.map``, with ``config.region`` as its bounds if there is one.
-
-    Raises:
-        InputError: the file or the region is unusable.
-    """
-    return _part(_whole_world(config), config)
-
-
-def _whole_world(config: TaskConfig) -> World:
-    path = _required(config.map, "map")
-    return read_world(path, model_folders=config.models, partial=config.partial)
-
-
-def _part(world: World, config: TaskConfig) -> World:
-    return world if config.region is None else drive_within(world, config.region)
+    return source.build(Wanted(seeds, footprint, config.margin), **_given(config, source))
 
 
 def world_seeds(split: Split, count: int, seed: int) -> range:
@@ -100,7 +48,16 @@ def world_seeds(split: Split, count: int, seed: int) -> range:
     return range(first, first + 2 * count, 2)
 
 
-def _required(path: str | None, name: str) -> str:
-    if path is None:
-        raise InputError(f"{name}: this task needs it; give --{name} PATH")
-    return path
+def _given(config: TaskConfig, source: WorldSource) -> dict[str, Any]:
+    """Return what a task tells its source.
+
+    Raises:
+        InputError: the path of its files is missing, or something is given that it does not read.
+    """
+    for key in KEYS:
+        if key not in source.keys and getattr(config, key):
+            readers = ", ".join(name for name, other in SOURCES.items() if key in other.keys)
+            raise InputError(f"{key}: is for the suites {readers}, not for {config.suite}")
+    if source.path is not None and getattr(config, source.path) is None:
+        raise InputError(f"{source.path}: this task needs it; give --{source.path} PATH")
+    return {key: getattr(config, key) for key in source.keys}

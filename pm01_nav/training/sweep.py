@@ -22,7 +22,7 @@ from pm01_nav.executors import INTERRUPTED, Executor, run_pm01
 from pm01_nav.provenance import provenance, shown
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.given_files import GIVEN, copy_given, stored_task
-from pm01_nav.task.worlds import FILE_SUITES, world_pool
+from pm01_nav.task.worlds import world_pool
 from pm01_nav.training.config import RunConfig
 from pm01_nav.training.statistics import curves_at, iqm_with_interval, time_to
 
@@ -72,8 +72,7 @@ def suite_task(text: str, config: RunConfig) -> TaskConfig:
     if abs(task.control_dt - trained.control_dt) > 1e-9:
         rates = f"every {task.control_dt:g} s, the policy every {trained.control_dt:g} s"
         raise InputError(f"suite = {text!r}: acts {rates}")
-    if task.suite in FILE_SUITES:
-        world_pool(task, "held_out", 1)
+    world_pool(task, "held_out", 1)
     return task
 
 

@@ -39,6 +39,7 @@ from pm01_nav.training.run_folder import RunFolder
 from pm01_nav.training.runtime import ThreadChoice, choose_threads, keep_freed_memory
 from pm01_nav.training.supervision import Progress, Supervision, TrainResult
 from pm01_nav.training.tracking import check_tracking, make_logger, record_session
+from pm01_nav.worlds.suites import world_source_of
 
 COMPILED_WITHIN_S = 3.0
 """Loading compiled kernels takes less than this."""
@@ -129,8 +130,8 @@ def _environments(config: RunConfig, arrays: Arrays) -> tuple[Batch, Curriculum]
         InputError: worlds or robot are unusable, or the curriculum does not fit the worlds.
     """
     task = config.task
-    if task.suite in ("barn", "dynabarn"):
-        raise InputError(f"task {task.suite} is for testing only; train on {task.suite}_like")
+    if stand_in := world_source_of(task.suite).stand_in:
+        raise InputError(f"task {task.suite} is for testing only; train on {stand_in}")
     pool = world_pool(task, "train", task.num_worlds, config.train.seed)
     batch: Batch
     if config.train.workers is not None:

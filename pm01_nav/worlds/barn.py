@@ -12,7 +12,7 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
@@ -57,8 +57,7 @@ class BarnSet:
 
     indices: tuple[int, ...]
     worlds: tuple[World, ...]
-    path_lengths: FloatArray
-    """Length of the official reference path of each world [m], shape (num_worlds,)."""
+    """Each with the length of its official reference path."""
 
 
 class _Pose(NamedTuple):
@@ -94,8 +93,11 @@ def load_barn(folder: str | Path) -> BarnSet:
     if cached is not None:
         return cached
     indices = tuple(worlds)
-    lengths = np.array([_path_length(paths[index]) for index in indices])
-    barn = BarnSet(indices, tuple(read_barn_world(worlds[index]) for index in indices), lengths)
+    read = (
+        replace(read_barn_world(worlds[index]), reference_length=_path_length(paths[index]))
+        for index in indices
+    )
+    barn = BarnSet(indices, tuple(read))
     # Without a cache everything works, only slower.
     with contextlib.suppress(OSError):
         _write_cache(cache, barn)
@@ -138,8 +140,15 @@ def read_barn_path_length(folder: str | Path, index: int) -> float:
     return _path_length(paths[index])
 
 
-def _world(index: int, discs: FloatArray) -> World:
-    return World(f"barn_{index}", BOUNDS, discs=discs, start=START, goal_area=(*GOAL, *GOAL))
+def _world(index: int, discs: FloatArray, length: float = math.nan) -> World:
+    return World(
+        f"barn_{index}",
+        BOUNDS,
+        discs=discs,
+        start=START,
+        goal_area=(*GOAL, *GOAL),
+        reference_length=length,
+    )
 
 
 def _index(path: Path) -> int | None:
@@ -240,7 +249,7 @@ def _write_cache(cache: Path, barn: BarnSet) -> None:
         indices=np.array(barn.indices),
         num_discs=np.array([len(world.discs) for world in barn.worlds]),
         discs=np.concatenate([world.discs for world in barn.worlds]),
-        path_lengths=barn.path_lengths,
+        path_lengths=np.array([world.reference_length for world in barn.worlds]),
     )
     cache.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(cache, content.getvalue())
@@ -253,7 +262,7 @@ def _read_cache(cache: Path) -> BarnSet | None:
         with np.load(io.BytesIO(cache.read_bytes()), allow_pickle=False) as file:
             discs = np.split(file["discs"], np.cumsum(file["num_discs"])[:-1])
             indices = tuple(int(index) for index in file["indices"])
-            worlds = tuple(_world(i, d) for i, d in zip(indices, discs, strict=True))
-            return BarnSet(indices, worlds, file["path_lengths"])
+            rows = zip(indices, discs, file["path_lengths"].tolist(), strict=True)
+            return BarnSet(indices, tuple(_world(*row) for row in rows))
     except UNREADABLE:
         return None

@@ -15,6 +15,7 @@ changes abruptly where the keys are not evenly spaced.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -94,4 +95,6 @@ def _world(entry: WorldEntry, movers: dict[str, Mover], file: DynaBarnFile) -> W
         movers=tuple(movers[name] for name in entry.obstacles),
         start=file.start,
         goal_area=(*file.goal, *file.goal),
+        # The challenge's script means the same and mistakes a sign.
+        reference_length=math.dist(file.start[:2], file.goal),
     )

@@ -18,6 +18,7 @@ from pm01_nav.worlds.world import OccupancyGrid, World
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Generator = Callable[[np.random.Generator], World]
 
 PLACES_PER_WORLD = 1024
 """Starts, and goals, kept of a generated world; the same however many worlds there are."""
@@ -267,9 +268,7 @@ def build_pool(
     return pack_pool(drawn, radius, random_phase=random_phase)
 
 
-def generate_pool(
-    generator: Callable[[np.random.Generator], World], seeds: Iterable[int], radius: float
-) -> WorldPool:
+def generate_pool(generator: Generator, seeds: Iterable[int], radius: float) -> WorldPool:
     """Generate one world a seed and pack them; a draw that nobody can cross is drawn again.
 
     Raises:
@@ -290,9 +289,7 @@ def pack_pool(
     return WorldPool(tuple(worlds), arrays, radius)
 
 
-def draw_world(
-    generator: Callable[[np.random.Generator], World], seed: int, radius: float
-) -> tuple[World, Places]:
+def draw_world(generator: Generator, seed: int, radius: float) -> tuple[World, Places]:
     """Draw one world and where episodes in it may start and end; see ``generate_pool``.
 
     Raises:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -20,8 +20,7 @@ from pm01_nav.errors import InputError
 from pm01_nav.worlds.barn import UNREADABLE
 from pm01_nav.worlds.free_space import FreeSpace
 from pm01_nav.worlds.mover import Motion, Mover
-from pm01_nav.worlds.pool import Places, WorldPool, draw_world, pack_pool
-from pm01_nav.worlds.suites import suite_generator
+from pm01_nav.worlds.pool import Generator, Places, WorldPool, draw_world, pack_pool
 from pm01_nav.worlds.world import World
 
 LEAST_WORLDS = 64
@@ -34,22 +33,21 @@ Arrays = dict[str, NDArray[Any]]
 MOTIONS: tuple[Motion, ...] = get_args(Motion)
 
 
-def suite_pool(
-    name: str, seeds: Iterable[int], radius: float, params: Mapping[str, float] | None = None
+def cached_pool(
+    name: str, generator: Generator, seeds: Iterable[int], radius: float, code: str
 ) -> WorldPool:
-    """Generate one world of a suite for each seed, or read what an earlier call generated.
+    """Generate one world for each seed, or read what an earlier call generated.
 
-    ``params`` choose a variant of the suite, see ``suite_generator``.
+    ``name`` tells worlds of one generator, which stands in the file ``code``, from those of
+    another.
 
     Raises:
-        InputError: there is no such suite or parameter, or a seed gave no usable world in many
-            attempts.
+        InputError: a seed gave no usable world in many attempts.
     """
-    generator = suite_generator(name, params or {})
     seeds = list(seeds)
     if len(seeds) < LEAST_WORLDS:
         return pack_pool([draw_world(generator, seed, radius) for seed in seeds], radius)
-    file = cache_folder() / "pools" / f"{_fingerprint(_variant(name, params), seeds, radius)}.npz"
+    file = cache_folder() / "pools" / f"{_fingerprint(name, seeds, radius, Path(code))}.npz"
     drawn = _read(file)
     if drawn is None:
         drawn = [draw_world(generator, seed, radius) for seed in seeds]
@@ -59,16 +57,12 @@ def suite_pool(
     return pack_pool(drawn, radius)
 
 
-def _variant(name: str, params: Mapping[str, float] | None) -> str:
-    return " ".join([name, *(f"{k}={v!r}" for k, v in sorted((params or {}).items()))])
-
-
-def _fingerprint(name: str, seeds: Sequence[int], radius: float) -> str:
+def _fingerprint(name: str, seeds: Sequence[int], radius: float, code: Path) -> str:
     """Name a cache entry: another one for other worlds, and for another version of their code."""
     digest = hashlib.sha256(f"{np.__version__} {scipy.__version__} {name} {radius!r}".encode())
     digest.update(np.array(seeds, dtype=np.int64).tobytes())
     folder = Path(__file__).parent
-    for source in [folder.parent / "geometry.py", *sorted(folder.rglob("*.py"))]:
+    for source in [folder.parent / "geometry.py", *sorted(folder.rglob("*.py")), code]:
         digest.update(source.read_bytes())
     return digest.hexdigest()[:32]
 

@@ -26,13 +26,17 @@ LEAST_SHARE = 0.01
 """Less of the starts outside is not worth a word."""
 
 
-def drive_within(world: World, region: Area) -> World:
+def drive_within(world: World, region: Area | None) -> World:
     """Return a world in which episodes start, end and lead through ``region`` only [m].
+
+    None is anywhere.
 
     Raises:
         InputError: the region encloses no area or lies beside the world, or the world's start is
             not in it.
     """
+    if region is None:
+        return world
     low, high = np.array(region[:2]), np.array(region[2:])
     name = f"region = {' '.join(f'{value:g}' for value in region)}"
     if not (low < high).all():

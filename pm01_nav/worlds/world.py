@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -51,6 +52,8 @@ class World:
     """Where starts are drawn, like ``bounds``, unless ``start`` fixes one; None is anywhere."""
     goal_area: tuple[float, float, float, float] | None = None
     """Where goals are drawn, like ``bounds``; a single point fixes the goal; None is anywhere."""
+    reference_length: float = math.nan
+    """Length of the way by which a benchmark judges times [m]; NaN where none does."""
 
     def __post_init__(self) -> None:
         """Refuse values that no simulator could use.

@@ -11,7 +11,7 @@ from pm01_nav.benchmark.suite import Suite, read_suite, sweep_suites
 from pm01_nav.benchmark.sweeps import SWEEPS
 from pm01_nav.errors import InputError
 from pm01_nav.task.config import ObservationConfig, RewardTerm
-from pm01_nav.worlds.suites.frozen import worlds_hash
+from pm01_nav.worlds.frozen import worlds_hash
 
 SUITE = read_suite("static", seed=1)
 

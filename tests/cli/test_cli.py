@@ -104,7 +104,7 @@ WRONG = {
     "no map": (["train", "--task", "map", "--out", "x"], "map: .*--map"),
     "region without a map": (
         ["evaluate", "goal_seeking", "--task", "static", "--region", "0 0 5 5"],
-        r"region: is for own worlds \(task map\), not for the suite static",
+        "region: is for the suites map, not for static",
     ),
     "half a region": (
         ["train", "--task", "map", "--map", "no.yaml", "--region", "0 0 5", "--out", "x"],

@@ -17,7 +17,7 @@ from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.worlds.free_space import shortest_path_length
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.pool import WorldPool, build_pool, generate_pool
-from pm01_nav.worlds.suites import SUITES
+from pm01_nav.worlds.suites import suites
 from pm01_nav.worlds.world import World
 
 RADIUS = 0.27
@@ -69,7 +69,7 @@ def test_next_to_the_goal_it_is_the_straight_distance() -> None:
 
 
 def test_field_equals_dijkstra() -> None:
-    pool = generate_pool(SUITES["maze"], range(8), RADIUS)
+    pool = generate_pool(suites()["maze"].generator, range(8), RADIUS)
     sim = simulator(pool, 16)
     for i in range(16):
         w = int(sim.state.world[i])
@@ -110,7 +110,7 @@ def independent_field(free, origin, size, goal):
 
 
 def test_it_is_close_to_the_shortest_path() -> None:
-    pool = generate_pool(SUITES["rooms"], range(6), RADIUS)
+    pool = generate_pool(suites()["rooms"].generator, range(6), RADIUS)
     sim = simulator(pool, 24)
     for i in range(24):
         space = pool.free_space(int(sim.state.world[i]))

@@ -15,7 +15,7 @@ from pm01_nav.task.randomization import RandomizationConfig, default_randomizati
 from pm01_nav.task.tasks import task_config
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.pool import WorldPool, generate_pool
-from pm01_nav.worlds.suites import SUITES
+from pm01_nav.worlds.suites import suites
 from pm01_nav.worlds.world import World
 
 STEPS = 60
@@ -34,7 +34,7 @@ def config(suite: str, randomization: RandomizationConfig | None, **lidar: float
 
 @pytest.fixture(scope="module")
 def pool() -> WorldPool:
-    return generate_pool(SUITES["static"], range(5), radius=0.3)
+    return generate_pool(suites()["static"].generator, range(5), radius=0.3)
 
 
 def actions(count: int) -> NDArray[np.float64]:
@@ -67,7 +67,7 @@ def assert_bit_equal(one: dict[str, NDArray], two: dict[str, NDArray]) -> None:
 
 @pytest.mark.parametrize("suite", ["static", "warehouse", "barn_like"])
 def test_without_errors_robots_are_as_described(suite: str) -> None:
-    pool = generate_pool(SUITES[suite], range(4), radius=0.4)
+    pool = generate_pool(suites()[suite].generator, range(4), radius=0.4)
     batches = [
         NavigationBatch(config(suite, r, noise_std=0.0), pool, 8, autoreset=False)
         for r in (None, RandomizationConfig())

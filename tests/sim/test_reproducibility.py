@@ -18,7 +18,7 @@ from pm01_nav.task.randomization import default_randomization
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.worlds.pool import WorldPool, generate_pool
-from pm01_nav.worlds.suites import SUITES
+from pm01_nav.worlds.suites import suites
 
 NUM_STEPS = 120
 LOOKED_AT = ("pose", "twist", "goal", "goal_polar", "ranges", "clearance", "contact", "world")
@@ -34,7 +34,7 @@ def config() -> TaskConfig:
 
 @pytest.fixture(scope="module")
 def pool() -> WorldPool:
-    return generate_pool(SUITES["static"], range(5), radius=0.27)
+    return generate_pool(suites()["static"].generator, range(5), radius=0.27)
 
 
 @pytest.fixture

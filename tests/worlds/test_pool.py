@@ -20,7 +20,7 @@ from pm01_nav.task.worlds import world_pool, world_seeds
 from pm01_nav.worlds import pool as pool_module
 from pm01_nav.worlds.free_space import free_space, shortest_path, shortest_path_length
 from pm01_nav.worlds.pool import WorldPool, build_pool, generate_pool
-from pm01_nav.worlds.suites import SUITES
+from pm01_nav.worlds.suites import suites
 from pm01_nav.worlds.world import OccupancyGrid, World
 
 RADIUS = 0.27
@@ -44,7 +44,7 @@ def episodes(pool: WorldPool, count: int, **arguments) -> PlanarSimulator:
 
 @pytest.fixture(scope="module")
 def pool() -> WorldPool:
-    return generate_pool(SUITES["static"], range(6), RADIUS)
+    return generate_pool(suites()["static"].generator, range(6), RADIUS)
 
 
 def test_places_are_free(pool: WorldPool) -> None:

@@ -12,15 +12,19 @@ import pytest
 
 from pm01_nav.worlds import pool_cache
 from pm01_nav.worlds.free_space import FreeSpace
+from pm01_nav.worlds.frozen import worlds_hash
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.pool import Places, WorldPool, generate_pool
-from pm01_nav.worlds.pool_cache import suite_pool
-from pm01_nav.worlds.suites import SUITES
-from pm01_nav.worlds.suites.frozen import worlds_hash
+from pm01_nav.worlds.pool_cache import cached_pool
+from pm01_nav.worlds.suites import suites
 from pm01_nav.worlds.world import World
 
 RADIUS = 0.27
 SEEDS = range(1, 17, 2)
+
+
+def suite_pool(name: str, seeds: range, radius: float) -> WorldPool:
+    return cached_pool(name, suites()[name].generator, seeds, radius, __file__)
 
 
 @pytest.fixture(autouse=True)
@@ -50,10 +54,10 @@ def assert_equal(one: WorldPool, other: WorldPool) -> None:
         assert [m.points.tolist() for m in world.movers] == [m.points.tolist() for m in twin.movers]
 
 
-@pytest.mark.parametrize("name", sorted(SUITES))
+@pytest.mark.parametrize("name", sorted(suites()))
 def test_second_pool_is_read_and_equal(name: str, folder: Path, monkeypatch) -> None:
     first = suite_pool(name, SEEDS, RADIUS)
-    assert_equal(first, generate_pool(SUITES[name], SEEDS, RADIUS))
+    assert_equal(first, generate_pool(suites()[name].generator, SEEDS, RADIUS))
     assert len(list(folder.iterdir())) == 1
     monkeypatch.setattr(pool_cache, "draw_world", never)
     assert_equal(suite_pool(name, SEEDS, RADIUS), first)

@@ -15,7 +15,7 @@ from pm01_nav.sim.lidar import BEAM_ERROR
 from pm01_nav.sim.reference import reference_clearance, reference_scan
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.worlds.pool import build_pool
-from pm01_nav.worlds.suites import SUITES
+from pm01_nav.worlds.suites import suites
 from pm01_nav.worlds.views import CELL, MARGIN, Views, list_views
 from pm01_nav.worlds.world import World
 
@@ -69,7 +69,7 @@ def test_thin_walls_are_seen_from_both_sides_and_only_within_range() -> None:
 
 
 def test_a_pool_by_itself_lists_everything_in_one_cell_a_world() -> None:
-    worlds = [SUITES["rooms"](np.random.default_rng(seed)) for seed in range(3)]
+    worlds = [suites()["rooms"].generator(np.random.default_rng(seed)) for seed in range(3)]
     arrays = build_pool(worlds, radius=0.27).arrays
     assert arrays.view_begin.tolist() == [0, 1, 2]
     assert arrays.seen_segments.tolist() == list(range(len(arrays.segments)))
@@ -102,7 +102,7 @@ def test_nothing_that_is_seen_is_missing(suite: str) -> None:
         update={"lidar": robot.lidar.model_copy(update={"noise_std": 0.0, "range_max": 2.5})}
     )
     for seed in range(6):
-        world = replace(SUITES[suite](np.random.default_rng(seed)), movers=())
+        world = replace(suites()[suite].generator(np.random.default_rng(seed)), movers=())
         places = free_places(world, rng, 40)
         simulator = PlanarSimulator(robot, build_pool([world], radius=0.01), len(places))
         simulator.seed(np.arange(len(places)))

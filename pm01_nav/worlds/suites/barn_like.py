@@ -9,6 +9,7 @@ from scipy import ndimage
 
 from pm01_nav.worlds import barn
 from pm01_nav.worlds.barn_grid import outer_walls
+from pm01_nav.worlds.suites.registry import suite
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -27,6 +28,7 @@ BARN_WAY = 5
 """Cells across the square that must pass: Perille et al. keep 2 free on each side of the path."""
 
 
+@suite(frozen="a779dcf47f1ec0b0c7eb8934d95351199300552248829aba36aa315fbe9d5884")
 def barn_like(rng: np.random.Generator) -> World:
     """Draw a world of the same kind as BARN's: blobs grown by a cellular automaton.
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.geometry import rectangle
 from pm01_nav.worlds.mover import Mover
+from pm01_nav.worlds.suites.registry import suite
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -45,6 +46,7 @@ LEVELS = (
 )
 
 
+@suite(frozen="0d883dc4b57f7e8fe52791ae82399822651940b65f6471b4a4ccfb4bbcbd5419")
 def dynabarn_like(rng: np.random.Generator) -> World:
     """Draw a hall of 20 m x 20 m that discs cross from wall to wall, over and over."""
     level = LEVELS[rng.integers(len(LEVELS))]

@@ -21,6 +21,7 @@ from pm01_nav.worlds.suites.layout import (
     room_walls,
     turned,
 )
+from pm01_nav.worlds.suites.registry import suite
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -41,6 +42,7 @@ BEFORE_DOOR = 0.6
 """Free of furniture from either end of a door on [m]."""
 
 
+@suite(frozen="227249e33609d86c497da562594e9c11333c7d9e7aecbd97a512ac37eb876896")
 def corridors(rng: np.random.Generator) -> World:
     """Draw corridors between solid blocks, with open places and things left standing there."""
     # Sides U(9, 11) m.
@@ -176,6 +178,7 @@ class _Door(NamedTuple):
         return self.border.point(0.5 * (self.low + self.high))
 
 
+@suite(frozen="3993ade670af5fd404fcdaeea26fa58e551f71cc38d00c9cb4120cf46ddab771")
 def rooms(rng: np.random.Generator) -> World:
     """Draw a flat or an office: rooms with doors and furniture, some along a hall."""
     # Sides U(9, 11) m.

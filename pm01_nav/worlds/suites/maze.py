@@ -13,6 +13,7 @@ from pm01_nav.worlds.suites.layout import (
     merge_walls,
     room_walls,
 )
+from pm01_nav.worlds.suites.registry import suite
 from pm01_nav.worlds.world import World
 
 Cell = tuple[int, int]
@@ -24,6 +25,7 @@ PASSAGE_WIDTH = (0.85, 1.6)
 """[m]"""
 
 
+@suite(frozen="e44d4f408981ad4626c431a2eb6f95960e04dcd2a073878fa239979d5ce276be")
 def maze(rng: np.random.Generator) -> World:
     """Draw a maze whose passages differ in width; some dead ends are opened, so that it has rings.
 

@@ -11,6 +11,7 @@ from pm01_nav.worlds.suites.indoor import corridors, rooms
 from pm01_nav.worlds.suites.maze import maze
 from pm01_nav.worlds.suites.moving import crowd, warehouse
 from pm01_nav.worlds.suites.open import static
+from pm01_nav.worlds.suites.registry import suite
 from pm01_nav.worlds.suites.traps import u_traps
 from pm01_nav.worlds.world import World
 
@@ -28,6 +29,7 @@ WEIGHTS: dict[Callable[[np.random.Generator], World], float] = {
 """Probability of each suite."""
 
 
+@suite(frozen="035d3b4cce0ae87393d18f996654eff59f5f07a65860ccc37db77454644a1096")
 def mixed(rng: np.random.Generator) -> World:
     """Draw a world of one of the suites in ``WEIGHTS``; it keeps that suite's name."""
     suites = list(WEIGHTS)

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from pm01_nav.config import FrozenModel
 from pm01_nav.geometry import polygon_edges, rectangle
 from pm01_nav.worlds.free_space import FreeSpace, line_is_free
 from pm01_nav.worlds.mover import Mover
@@ -21,10 +23,10 @@ from pm01_nav.worlds.suites.layout import (
     room_walls,
     walkable,
 )
+from pm01_nav.worlds.suites.registry import suite
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
-Generator = Callable[[np.random.Generator], World]
 Shelf = tuple[float, float, float, float]
 """Centre x, y, length along x, width along y [m]."""
 
@@ -40,37 +42,38 @@ WAY = 3.0
 """Least distance between successive places of a pedestrian [m]."""
 
 
-def crowd(rng: np.random.Generator) -> World:
+class CrowdParams(FrozenModel):
+    """What can be fixed of the worlds of ``crowd``."""
+
+    pedestrians: Annotated[int, Field(ge=0, le=60)] = 10
+    """There are fewer if they find no room. More hardly do."""
+    speed_factor: Annotated[float, Field(ge=0.1, le=5.0)] = 1.0
+    """They walk so many times as fast as usual."""
+
+
+@suite(
+    frozen="94f37fe9abb65617c7ebb4c0b34415ecf5a7a2366cfb0951642648e7edcb7b24", params=CrowdParams
+)
+def crowd(rng: np.random.Generator, params: CrowdParams | None = None) -> World:
     """Draw a lightly furnished room with about ten pedestrians."""
     # How many: uniform on 8 ... 12.
-    return crowd_of(int(rng.integers(8, 13)))(rng)
-
-
-def crowd_of(pedestrians: int = 10, speed_factor: float = 1.0) -> Generator:
-    """Return a generator of rooms with so many pedestrians, or fewer if they find no room.
-
-    They walk ``speed_factor`` times as fast as usual.
-    """
-
-    def generator(rng: np.random.Generator) -> World:
-        bounds = (0.0, 0.0, SIDE, SIDE)
-        layout = Layout(bounds, [room_walls(*bounds)])
-        # Pillars and plants: uniform on 0 ... 5; centres U(1, 9)^2 m, radii U(0.12, 0.35) m.
-        for _ in range(rng.integers(0, 6)):
-            x, y = rng.uniform(1.0, SIDE - 1.0, 2)
-            layout.add_disc_if_clear(x, y, rng.uniform(0.12, 0.35))
-        # Benches and counters: uniform on 0 ... 3; length U(0.6, 2) m, width U(0.3, 0.7) m.
-        for _ in range(rng.integers(0, 4)):
-            x, y = rng.uniform(1.0, SIDE - 1.0, 2)
-            length, width = rng.uniform(0.6, 2.0), rng.uniform(0.3, 0.7)
-            layout.add_box_if_clear((x, y, length, width, rng.uniform(-np.pi, np.pi)))
-        walkers = [
-            replace(walker, speed=speed_factor * walker.speed)
-            for walker in _pedestrians(layout, pedestrians, rng)
-        ]
-        return layout.world("crowd", movers=walkers)
-
-    return generator
+    params = params or CrowdParams(pedestrians=int(rng.integers(8, 13)))
+    bounds = (0.0, 0.0, SIDE, SIDE)
+    layout = Layout(bounds, [room_walls(*bounds)])
+    # Pillars and plants: uniform on 0 ... 5; centres U(1, 9)^2 m, radii U(0.12, 0.35) m.
+    for _ in range(rng.integers(0, 6)):
+        x, y = rng.uniform(1.0, SIDE - 1.0, 2)
+        layout.add_disc_if_clear(x, y, rng.uniform(0.12, 0.35))
+    # Benches and counters: uniform on 0 ... 3; length U(0.6, 2) m, width U(0.3, 0.7) m.
+    for _ in range(rng.integers(0, 4)):
+        x, y = rng.uniform(1.0, SIDE - 1.0, 2)
+        length, width = rng.uniform(0.6, 2.0), rng.uniform(0.3, 0.7)
+        layout.add_box_if_clear((x, y, length, width, rng.uniform(-np.pi, np.pi)))
+    walkers = [
+        replace(walker, speed=params.speed_factor * walker.speed)
+        for walker in _pedestrians(layout, params.pedestrians, rng)
+    ]
+    return layout.world("crowd", movers=walkers)
 
 
 def _pedestrians(
@@ -121,6 +124,7 @@ def _walk(space: FreeSpace, num_places: int, rng: np.random.Generator) -> FloatA
     return space.centre(rows, columns)
 
 
+@suite(frozen="e0e5939665fe45597e942c2e6994e2697d70f86158585ad1062f21bdb5a4810f")
 def warehouse(rng: np.random.Generator) -> World:
     """Draw rows of shelves, carts that drive round them, and a few workers."""
     bounds = (0.0, 0.0, SIDE, SIDE)

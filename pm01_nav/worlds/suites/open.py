@@ -3,40 +3,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from pm01_nav.config import FrozenModel
 from pm01_nav.geometry import rectangle
 from pm01_nav.worlds.suites.layout import room_walls
+from pm01_nav.worlds.suites.registry import suite
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
-Generator = Callable[[np.random.Generator], World]
 
 
+@suite(frozen="a0e178d46efa40e2633f7335eebde67bf97229793f74c1c2909aa84919258784")
 def empty(rng: np.random.Generator) -> World:
     """Return a square room without obstacles; ``rng`` is not used."""
     del rng
     return World("empty", (0.0, 0.0, 10.0, 10.0), segments=room_walls(0.0, 0.0, 10.0, 10.0))
 
 
-def static(rng: np.random.Generator) -> World:
+class StaticParams(FrozenModel):
+    """What can be fixed of the worlds of ``static``."""
+
+    obstacles: Annotated[int, Field(ge=0, le=60)]
+    """One in five is a box. More hardly find a place."""
+
+
+@suite(
+    frozen="48aff46f09a49f5b4c911086356f7063164f3ebd1de34a0cbc3a4e9b84ef6bc2", params=StaticParams
+)
+def static(rng: np.random.Generator, params: StaticParams | None = None) -> World:
     """Draw a square room with discs and turned boxes."""
+    if params is not None:
+        num_boxes = params.obstacles // 5
+        return _furnished(params.obstacles - num_boxes, num_boxes, rng)
     # How many: uniform on 4 ... 12 and 0 ... 3.
     num_discs, num_boxes = int(rng.integers(4, 13)), int(rng.integers(0, 4))
     return _furnished(num_discs, num_boxes, rng)
-
-
-def static_of(obstacles: int) -> Generator:
-    """Return a generator of such rooms with so many obstacles, one in five of them a box."""
-
-    def generator(rng: np.random.Generator) -> World:
-        num_boxes = obstacles // 5
-        return _furnished(obstacles - num_boxes, num_boxes, rng)
-
-    return generator
 
 
 def _furnished(num_discs: int, num_boxes: int, rng: np.random.Generator) -> World:
@@ -56,6 +62,7 @@ def _draw_box(rng: np.random.Generator) -> FloatArray:
     return rectangle(x, y, length, width, rng.uniform(-np.pi, np.pi))
 
 
+@suite(frozen="698aed3d74a87fa78c8366822237c7a42c1533419f28dc7ae1ce4224ad927125")
 def article(rng: np.random.Generator) -> World:
     """Draw a room to cross from a fixed start, with a few discs on the way."""
     bounds = (-1.5, -3.5, 8.5, 3.5)

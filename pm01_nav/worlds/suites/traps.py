@@ -19,6 +19,7 @@ from pm01_nav.worlds.suites.layout import (
     thick_chain,
     turned,
 )
+from pm01_nav.worlds.suites.registry import suite
 from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
@@ -43,6 +44,7 @@ class _Trap(NamedTuple):
         layout.polygons.append(turned(self.outline, centre, yaw))
 
 
+@suite(frozen="7df7fe439991f8d70735d4d6a33c27d6122150c929ee25a9eaf929be810a5633")
 def u_traps(rng: np.random.Generator) -> World:
     """Draw a room in which a trap stands between the start and the goal.
 

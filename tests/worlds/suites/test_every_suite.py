@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from pm01_nav.worlds.frozen import suite_hash, worlds_hash
 from pm01_nav.worlds.pool import WorldPool, generate_pool
-from pm01_nav.worlds.suites import SUITES
-from pm01_nav.worlds.suites.frozen import FROZEN, suite_hash, worlds_hash
+from pm01_nav.worlds.suites import suites
 from pm01_nav.worlds.views import list_views
 from pm01_nav.worlds.world import World
 
@@ -23,37 +23,38 @@ FIXED = ("empty",)
 
 @pytest.fixture(scope="module")
 def pools() -> dict[str, WorldPool]:
-    return {name: generate_pool(SUITES[name], range(1, 13, 2), RADIUS) for name in SUITES}
+    seeds = range(1, 13, 2)
+    return {name: generate_pool(s.generator, seeds, RADIUS) for name, s in suites().items()}
 
 
 def test_every_suite_is_frozen() -> None:
-    assert set(FROZEN) == set(SUITES)
+    assert all(len(suite.frozen) == 64 for suite in suites().values())
 
 
-@pytest.mark.parametrize("name", sorted(SUITES))
+@pytest.mark.parametrize("name", sorted(suites()))
 def test_held_out_worlds_are_those_that_were_frozen(name: str) -> None:
     # The hashes of empty, static, article and barn_like are older than the others: they were
     # computed before these suites moved to a file each.
-    assert suite_hash(name) == FROZEN[name]
+    assert suite_hash(name) == suites()[name].frozen
 
 
-@pytest.mark.parametrize("name", sorted(SUITES))
+@pytest.mark.parametrize("name", sorted(suites()))
 def test_same_seed_same_world_other_seed_other_world(name: str) -> None:
     one, two, other = (
-        worlds_hash([SUITES[name](np.random.default_rng(seed))]) for seed in (5, 5, 6)
+        worlds_hash([suites()[name].generator(np.random.default_rng(seed))]) for seed in (5, 5, 6)
     )
     assert one == two
     assert name in FIXED or one != other
 
 
-@pytest.mark.parametrize("name", sorted(set(SUITES) - set(FIXED)))
+@pytest.mark.parametrize("name", sorted(set(suites()) - set(FIXED)))
 def test_worlds_vary(name: str) -> None:
-    worlds = [SUITES[name](np.random.default_rng(seed)) for seed in range(30)]
+    worlds = [suites()[name].generator(np.random.default_rng(seed)) for seed in range(30)]
     # One in seven worlds of the article has no obstacle at all.
     assert len({worlds_hash([world]) for world in worlds}) > 20
 
 
-@pytest.mark.parametrize("name", sorted(SUITES))
+@pytest.mark.parametrize("name", sorted(suites()))
 def test_every_start_reaches_every_goal(name: str, pools, distance) -> None:
     """Independent of the pool: another raster, other distances, and the footprint itself."""
     pool = pools[name]
@@ -78,7 +79,7 @@ def test_every_start_reaches_every_goal(name: str, pools, distance) -> None:
         assert 0 not in found
 
 
-@pytest.mark.parametrize("name", sorted(SUITES))
+@pytest.mark.parametrize("name", sorted(suites()))
 def test_solid_things_lie_within_the_bounds(name: str, pools) -> None:
     for world in pools[name].worlds:
         low, high = np.array(world.bounds[:2]) - 1e-6, np.array(world.bounds[2:]) + 1e-6
@@ -90,7 +91,7 @@ def test_solid_things_lie_within_the_bounds(name: str, pools) -> None:
 
 
 # Discs of dynabarn_like come out of the walls, as in the published worlds.
-@pytest.mark.parametrize("name", sorted(set(SUITES) - {"dynabarn_like"}))
+@pytest.mark.parametrize("name", sorted(set(suites()) - {"dynabarn_like"}))
 def test_movers_begin_and_head_for_free_places(name: str, pools, distance) -> None:
     for world in pools[name].worlds:
         for mover in world.movers:
@@ -108,9 +109,9 @@ def _assert_apart(world: World) -> None:
             assert between >= one.radius + other.radius + 0.1 - 1e-9
 
 
-@pytest.mark.parametrize("name", sorted(set(SUITES) - {"barn_like"}))
+@pytest.mark.parametrize("name", sorted(set(suites()) - {"barn_like"}))
 def test_worlds_are_cheap_for_the_lidar(name: str) -> None:
-    worlds = [SUITES[name](np.random.default_rng(seed)) for seed in range(30)]
+    worlds = [suites()[name].generator(np.random.default_rng(seed)) for seed in range(30)]
     views = list_views(worlds, 3.5)
     # The first cell of each world lists everything; the others, what pm01 may see from there.
     places = np.ones(len(views.seen_disc_begin) - 1, dtype=bool)
@@ -122,7 +123,7 @@ def test_worlds_are_cheap_for_the_lidar(name: str) -> None:
 # Every pair of a start and a goal is equally likely.
 @pytest.mark.parametrize(("name", "least"), [("maze", 0.8), ("rooms", 0.5), ("corridors", 0.5)])
 def test_the_goal_is_often_out_of_sight(name: str, least: float, distance) -> None:
-    pool = generate_pool(SUITES[name], range(1, 41, 2), RADIUS)
+    pool = generate_pool(suites()[name].generator, range(1, 41, 2), RADIUS)
     arrays, rng, hidden = pool.arrays, np.random.default_rng(0), []
     for index, world in enumerate(pool.worlds):
         starts = arrays.starts[arrays.start_begin[index] : arrays.start_begin[index + 1]]

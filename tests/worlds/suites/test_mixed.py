@@ -8,13 +8,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from pm01_nav.worlds.suites import SUITES
+from pm01_nav.worlds.suites import suites
 from pm01_nav.worlds.suites.mixed import WEIGHTS, mixed
 
 
 def test_weights_are_probabilities_of_suites() -> None:
     assert sum(WEIGHTS.values()) == pytest.approx(1.0)
-    assert set(WEIGHTS) < set(SUITES.values())
+    assert set(WEIGHTS) < {suite.generator for suite in suites().values()}
 
 
 def test_suites_are_drawn_by_their_weights() -> None:

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pm01_nav.worlds.mover import Mover
-from pm01_nav.worlds.suites.moving import crowd, crowd_of, warehouse
+from pm01_nav.worlds.suites.moving import CrowdParams, crowd, warehouse
 
 COUNT = 60
 
@@ -35,7 +35,7 @@ def test_crowd_has_about_ten_pedestrians() -> None:
 @pytest.mark.parametrize("count", [0, 1, 5, 20])
 def test_crowd_of_any_size(count: int) -> None:
     for seed in range(5):
-        world = crowd_of(count)(np.random.default_rng(seed))
+        world = crowd(np.random.default_rng(seed), CrowdParams(pedestrians=count))
         assert len(world.movers) == count
         assert world.name == "crowd"
 

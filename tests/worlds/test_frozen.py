@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pm01_nav.worlds.frozen import SEEDS, worlds_hash
 from pm01_nav.worlds.mover import Mover
-from pm01_nav.worlds.suites.frozen import SEEDS, worlds_hash
 from pm01_nav.worlds.world import OccupancyGrid, World
 
 TRIANGLE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
