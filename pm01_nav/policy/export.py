@@ -17,7 +17,6 @@ from stable_baselines3.common.policies import BasePolicy
 from pm01_nav.config import write_atomically
 from pm01_nav.policy.actors import actor_of
 from pm01_nav.policy.network_policy import NetworkPolicy
-from pm01_nav.policy.onnx_file import set_metadata
 from pm01_nav.policy.onnx_policy import FORMAT
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.observation import ObservationLayout
@@ -132,6 +131,8 @@ def export_policy(
     statistics: ObservationStatistics | None = None,
 ) -> None:
     """Write ``path``; the file never exists half written."""
+    from pm01_nav.policy.onnx_file import set_metadata  # onnx is needed here alone
+
     module = DeployedPolicy(policy, layout, statistics).eval()
     inputs, outputs = ["observation"], ["command"]
     examples = [torch.zeros(2, layout.size)]
