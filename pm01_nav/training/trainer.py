@@ -72,7 +72,7 @@ def train(
     data = load_checkpoint(folder.last) if resume and folder.last.exists() else None
     compiled = _compiling(warm_up)
     batch, curriculum = _environments(config, arrays)
-    # Worlds that move and robots with errors have kernels of their own.
+    # Worlds that move and robots with errors have more code in their kernels.
     if isinstance(batch, NavigationBatch):
         compiled += _compiling(lambda: _try_out(batch))
     host = make_host(ray)
