@@ -14,6 +14,7 @@ from pm01_nav.cuda import THREADS, BoundKernel
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import cuda_kernels
+from pm01_nav.sim.kernels import ABSENT
 from pm01_nav.sim.lidar import FEW_BEAMS
 from pm01_nav.sim.pedestrians import Tables, new_tables
 from pm01_nav.sim.perturbation import Perturbation
@@ -90,7 +91,7 @@ class CudaSimulator(PlanarSimulator):
 
     def _for_kernel(self, value: Any, name: str = "") -> Any:
         """Return a number, an array or a named tuple of them as kernels take it."""
-        if isinstance(value, bool | int | float):
+        if isinstance(value, bool | int | float) or value is ABSENT:
             return value
         fields: tuple[str, ...] | None = getattr(value, "_fields", None)
         if fields is not None:
@@ -142,24 +143,24 @@ class CudaSimulator(PlanarSimulator):
             raise ValueError(f"command: shape {np.shape(command)}, needs {needed}")
         self._command[...] = command
         base, _, worlds = self._scene
-        if self.errors is not None:
-            own = (self.state, self.errors, self.drawn, self._command, self._came_from)
-            rest = (base, worlds, self._time, self._crowd)
-            self._launch_with_tables("move_all_wrongly", *own, *rest)
-            self._observe_wrongly(self._everyone, self.num_envs, first=False)
-            return
-        moving = (self.state, self._command, base, worlds, self._time)
-        if self._has_movers:
-            self._launch_with_tables("move_all_in_crowds", *moving, self._crowd)
+        own = (*self._own(), self._command, self._came_from)
+        self._move(*own, base, worlds, self._time, self._crowd)
+        if self.errors is None:
+            self._observe(self._everyone, self.num_envs, "all")
         else:
-            self._launch("move_all", self.num_envs, *moving)
-        self._observe(self._everyone, self.num_envs, "all")
+            self._observe_wrongly(self._everyone, self.num_envs, first=False)
 
-    def _launch_with_tables(self, name: str, *arguments: Any) -> None:
-        """Launch a kernel in which pedestrians walk."""
-        threads = min(-(-self.num_envs // THREADS) * THREADS, MAX_WALKING_THREADS)
-        tables = () if name in self._launches else (self._tables(threads),)
-        self._launch(name, threads, *arguments, *tables)
+    def _own(self) -> tuple[Any, Any, Any]:
+        """Return the state, and errors if there are any, as kernels begin with them."""
+        return self.state, self.errors or ABSENT, self.drawn or ABSENT
+
+    def _move(self, *arguments: Any) -> None:
+        """Launch the kernel that moves robots and movers."""
+        threads, tables = self.num_envs, ABSENT
+        if self._has_movers:
+            threads = min(-(-threads // THREADS) * THREADS, MAX_WALKING_THREADS)
+            tables = ABSENT if "move_all" in self._launches else self._tables(threads)
+        self._launch("move_all", threads, *arguments, tables)
 
     def _tables(self, threads: int) -> Tables:
         """Return room to work out the velocities of pedestrians, a row for each thread."""
@@ -199,16 +200,10 @@ class CudaSimulator(PlanarSimulator):
         else:
             self.state.world[chosen] = -1
         base, _, worlds_ = self._scene
-        end = (self._goal_distance, self._scratch)
-        if self.errors is not None:
-            own = (self.state, self.errors, self.drawn, self._ranges, self._chosen)
-            rest = (self._came_from, base, worlds_, *end)
-            self._launch("reset_some_wrongly", count, *own, *rest)
-            self._observe_wrongly(self._chosen, count, first=True)
-            return
-        name = "reset_some_in_crowds" if self._has_movers else "reset_some"
-        self._launch(name, count, self.state, self._chosen, base, worlds_, *end)
-        self._observe(self._chosen, count, "some")
+        own = (*self._own(), self._ranges or ABSENT, self._chosen, self._came_from)
+        end = (self._goal_distance, self._scratch, self._crowd)
+        self._launch("reset_some", count, *own, base, worlds_, *end)
+        self._begin(count)
 
     def _choose(self, indices: Any) -> int:
         """Note the environments of the next launch, of which it returns how many there may be.
@@ -229,13 +224,16 @@ class CudaSimulator(PlanarSimulator):
         self._stand(indices, self._on.xp.asarray(poses), self._on.xp.asarray(goals))
         count = self._choose(indices)
         base, _, worlds = self._scene
-        if self.errors is not None:
-            own = (self.state, self.errors, self.drawn, self._chosen, self._came_from)
-            self._launch("begin_some_wrongly", count, *own, worlds, self._scratch)
+        own = (*self._own(), self._chosen, self._came_from)
+        self._launch("begin_some", count, *own, base, worlds, self._scratch)
+        self._begin(count)
+
+    def _begin(self, count: int) -> None:
+        """Look around for the first time in the episodes of the first ``count`` of the chosen."""
+        if self.errors is None:
+            self._observe(self._chosen, count, "some")
+        else:
             self._observe_wrongly(self._chosen, count, first=True)
-            return
-        self._launch("begin_some", count, self.state, self._chosen, base, worlds, self._scratch)
-        self._observe(self._chosen, count, "some")
 
     def true_scan(self) -> Any:
         """Return the scan of a lidar without errors; see ``PlanarSimulator``."""

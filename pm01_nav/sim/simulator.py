@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from pm01_nav.arrays import array_namespace
 from pm01_nav.compilation import bound
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim import crowd_kernels, kernels, perturbed_kernels
+from pm01_nav.sim import kernels
+from pm01_nav.sim.kernels import ABSENT
 from pm01_nav.sim.lidar import read_scans
 from pm01_nav.sim.perturbation import (
     ErrorState,
@@ -93,8 +94,8 @@ class PlanarSimulator:
         self._trail = trail
         self._goal_distance = np.array(goal_distance, dtype=np.float64)
         self._threads = ThreadChoice(alone=num_envs == 1)
-        model = PEDESTRIAN_MODELS[pedestrians]
-        self._crowd = CrowdParams(model, pedestrians_avoid_robot, control_dt)
+        crowd = CrowdParams(PEDESTRIAN_MODELS[pedestrians], pedestrians_avoid_robot, control_dt)
+        self._crowd = crowd if self._has_movers else ABSENT
         self._scene = (base_params(robot), lidar_params(robot), arrays)
         self._time = self._time_step(1.0)
         self.errors: ErrorState | None = None
@@ -157,7 +158,7 @@ class PlanarSimulator:
         if self.errors is None:
             return self.scan
         ranges = np.empty_like(self.state.ranges)
-        cast = self._threads.version(perturbed_kernels.true_ranges)
+        cast = self._threads.version(kernels.true_ranges)
         cast(self.state, *self._scene, ranges)
         return self._read(ranges)
 
@@ -238,28 +239,17 @@ class PlanarSimulator:
 
     def _bind_step(self, command: FloatArray) -> Callable[[FloatArray], None]:
         """Return the function that steps this batch; ``command`` is one as it will be given."""
-        errors: tuple[Any, ...] = ()
-        rest = (*self._scene, self._time, self._trail)
-        kernel = kernels.step_batch
-        if self.errors is not None:
-            kernel, errors = perturbed_kernels.step_batch, (self.errors, self.drawn)
-            rest = (*rest, self._crowd)
-        elif self._has_movers:
-            kernel, rest = crowd_kernels.step_batch, (*rest, self._crowd)
-        kernel = self._threads.version(kernel)
-        run, state = bound(kernel, self.state, *errors, command, *rest), self.state
-        return lambda command: run(state, *errors, command, *rest)
+        own = (self.state, self.errors or ABSENT, self.drawn or ABSENT)
+        rest = (*self._scene, self._time, self._trail, self._crowd)
+        run = bound(self._threads.version(kernels.step_batch), *own, command, *rest)
+        return lambda command: run(*own, command, *rest)
 
     def _bind_reset(self, indices: NDArray[np.int64]) -> Callable[[NDArray[np.int64]], None]:
         """Return the function that resets robots of this batch, such as ``indices``."""
-        errors: tuple[Any, ...] = ()
-        rest = (*self._scene, self._trail, self._goal_distance, self._scratch)
-        kernel = crowd_kernels.reset_some if self._has_movers else kernels.reset_some
-        if self.errors is not None:
-            kernel = perturbed_kernels.reset_some
-            errors = (self.errors, self.drawn, self._ranges)
-        run, state = bound(kernel, self.state, *errors, indices, *rest), self.state
-        return lambda indices: run(state, *errors, indices, *rest)
+        own = (self.state, self.errors or ABSENT, self.drawn or ABSENT, self._ranges or ABSENT)
+        rest = (*self._scene, self._trail, self._goal_distance, self._scratch, self._crowd)
+        run = bound(kernels.reset_some, *own, indices, *rest)
+        return lambda indices: run(*own, indices, *rest)
 
     def resume(self) -> None:
         """Go on from arrays that were written from outside: here they are all there is."""
@@ -283,11 +273,8 @@ class PlanarSimulator:
     def place(self, indices: NDArray[np.int64], poses: ArrayLike, goals: ArrayLike) -> None:
         """Put robots at rest at ``poses`` (n, 3) with ``goals`` (n, 2) in their present worlds."""
         self._stand(indices, poses, goals)
-        rest = (indices, *self._scene, self._trail, self._scratch)
-        if self.errors is None:
-            kernels.observe_some(self.state, *rest)
-        else:
-            perturbed_kernels.observe_some(self.state, self.errors, self.drawn, *rest)
+        own = (self.state, self.errors or ABSENT, self.drawn or ABSENT)
+        kernels.observe_some(*own, indices, *self._scene, self._trail, self._scratch)
 
     def _stand(self, indices: Any, poses: Any, goals: Any) -> None:
         """Write poses (n, 3) and goals (n, 2) of robots at rest."""
