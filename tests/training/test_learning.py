@@ -19,14 +19,14 @@ from pm01_nav.training.run_folder import RunFolder
 from pm01_nav.training.trainer import train
 from tests.training.progress import Quiet
 
-STEPS = {"ppo": 30_000, "ppo_lstm": 20_000, "sac": 12_000, "td3": 16_000, "tqc": 10_000}
+STEPS = {"ppo": 30_000, "ppo_lstm": 20_000, "sac": 12_000, "td3": 20_000, "tqc": 12_000}
 SMALL: dict[str, Any] = {"n_envs": 32, "net_arch": [32, 32], "learning_rate": 3e-3}
 ON_POLICY = SMALL | {"n_steps": 32, "batch_size": 256, "n_epochs": 5, "gamma": 0.9}
 OFF_POLICY = SMALL | {"train_freq": 1, "gradient_steps": 1, "learning_starts": 500, "gamma": 0.9}
 MORE: dict[str, Any] = {
     "ppo_lstm": {"lstm_hidden_size": 16},
-    "td3": {"learning_rate": 1e-3},
-    "tqc": {"n_quantiles": 5, "net_arch": [16, 16]},
+    "td3": {"learning_rate": 1e-3, "gradient_steps": 2},
+    "tqc": {"n_quantiles": 5, "top_quantiles_to_drop_per_net": 0, "gradient_steps": 2},
 }
 
 
