@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 TABLES = {
+    "algorithms": ("training.algorithms", "ALGORITHMS"),
     "backends": ("backends", "BACKENDS"),
     "planners": ("planners", "PLANNERS"),
     "robots": ("robot", "robot_names"),
@@ -26,7 +27,7 @@ def names_of(table: str) -> str:
     """Return the names in a table, separated by commas."""
     module, attribute = TABLES[table]
     found: Any = getattr(import_module(f"pm01_nav.{module}"), attribute)
-    return ", ".join(found() if callable(found) else found)
+    return ", ".join(found if isinstance(found, dict) else found())
 
 
 @contextmanager
