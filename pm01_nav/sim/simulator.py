@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
@@ -12,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.arrays import array_namespace
 from pm01_nav.compilation import bound
+from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim import crowd_kernels, kernels, perturbed_kernels
+from pm01_nav.sim import crowd_kernels, engine_kernels, kernels, perturbed_kernels
 from pm01_nav.sim.lidar import read_scans
 from pm01_nav.sim.perturbation import (
     ErrorState,
@@ -46,11 +48,12 @@ MAX_TRAVEL = 0.05
 """The robot moves at most this far between two checks for contact [m]."""
 
 
-class PlanarSimulator:
-    """Simulate ``num_envs`` independent robots in worlds of a pool.
+class Simulator(ABC):
+    """``num_envs`` independent robots in worlds of a pool; what moves them adds ``step``.
 
-    Every environment has a random stream of its own, so its trajectory depends on its seed and
-    commands alone: not on the size of the batch, not on the number of threads.
+    Worlds, starts, goals, moving obstacles and what sensors say are here, the same for all that
+    move robots. Every environment has a random stream of its own, so its trajectory depends on its
+    seed and commands alone: not on the size of the batch, not on the number of threads.
     """
 
     def __init__(
@@ -124,6 +127,14 @@ class PlanarSimulator:
         self._time = self._time_step(fastest_factor(ranges))
         self._run_step = self._run_reset = None  # other kernels from now on
 
+    @abstractmethod
+    def step(self, command: Any) -> None:
+        """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step.
+
+        Raises:
+            ValueError: their shape is another one.
+        """
+
     @property
     def scan(self) -> NDArray[np.float32]:
         """What the lidar says by REP-117 [m], shape (num_envs, num_beams), beam 0 at angle_min.
@@ -152,12 +163,7 @@ class PlanarSimulator:
 
         It is cast anew where the robots are perturbed.
         """
-        if self.errors is None:
-            return self.scan
-        ranges = np.empty_like(self.state.ranges)
-        cast = self._threads.version(perturbed_kernels.true_ranges)
-        cast(self.state, *self._scene, ranges)
-        return self._read(ranges)
+        return self.scan
 
     def _read(self, ranges: NDArray[np.float32]) -> NDArray[np.float32]:
         lidar = self.robot.lidar
@@ -212,17 +218,6 @@ class PlanarSimulator:
             self._run_reset = self._bind_reset(indices)
         self._run_reset(indices)
 
-    def step(self, command: ArrayLike) -> None:
-        """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step.
-
-        Raises:
-            ValueError: their shape is another one.
-        """
-        command = self.checked(command)
-        if self._run_step is None:
-            self._run_step = self._bind_step(command)
-        self._threads(self._run_step, command)
-
     def checked(self, command: ArrayLike) -> FloatArray:
         """Return commands as an array of the shape that they must have.
 
@@ -233,20 +228,6 @@ class PlanarSimulator:
         if command.shape != (self.num_envs, 2):
             raise ValueError(f"command: shape {command.shape}, needs {(self.num_envs, 2)}")
         return command
-
-    def _bind_step(self, command: FloatArray) -> Callable[[FloatArray], None]:
-        """Return the function that steps this batch; ``command`` is one as it will be given."""
-        errors: tuple[Any, ...] = ()
-        rest = (*self._scene, self._time, self._trail)
-        kernel = kernels.step_batch
-        if self.errors is not None:
-            kernel, errors = perturbed_kernels.step_batch, (self.errors, self.drawn)
-            rest = (*rest, self._crowd)
-        elif self._has_movers:
-            kernel, rest = crowd_kernels.step_batch, (*rest, self._crowd)
-        kernel = self._threads.version(kernel)
-        run, state = bound(kernel, self.state, *errors, command, *rest), self.state
-        return lambda command: run(state, *errors, command, *rest)
 
     def _bind_reset(self, indices: NDArray[np.int64]) -> Callable[[NDArray[np.int64]], None]:
         """Return the function that resets robots of this batch, such as ``indices``."""
@@ -259,7 +240,7 @@ class PlanarSimulator:
         run, state = bound(kernel, self.state, *errors, indices, *rest), self.state
         return lambda indices: run(state, *errors, indices, *rest)
 
-    def resume(self) -> None:
+    def resume(self) -> None:  # noqa: B027 (a default, not a gap)
         """Go on from arrays that were written from outside: here they are all there is."""
 
     def keep(self, indices: NDArray[np.int64]) -> None:
@@ -271,6 +252,30 @@ class PlanarSimulator:
             self.errors, self.drawn = rows(self.errors, indices), rows(self.drawn, indices)
         self._threads = self._threads.anew()
         self._run_step = self._run_reset = None  # They hold the former arrays.
+
+    def move_obstacles(self) -> None:
+        """Move what moves in the worlds for a control step, where an engine moves the robots."""
+        if self._has_movers:
+            base, _, arrays = self._scene
+            move = self._threads.version(engine_kernels.move_obstacles)
+            move(self.state, base, arrays, self._crowd)
+
+    def perceive(self, indices: NDArray[np.int64], *, first: bool) -> None:
+        """Measure what is owed at the poses and exact ranges that an engine wrote for ``indices``.
+
+        ``first`` tells whether their episodes begin.
+        """
+        engine_kernels.perceive(self.state, indices, *self._scene, self._trail, first)
+
+    def picture(self, i: int, eye_offset: FloatArray, size: tuple[int, int]) -> NDArray[np.uint8]:
+        """Return a picture (height, width, 3) of robot ``i`` and its goal.
+
+        The camera stands ``eye_offset`` (3,) [m] from the robot; ``size`` is width, height [px].
+
+        Raises:
+            InputError: there is nothing to draw with.
+        """
+        raise InputError("render: the planar simulator has nothing to render; add --backend mujoco")
 
     def movers(self, i: int) -> NDArray[np.float64]:
         """Return x, y and radius of the movers of environment i, shape (n, 3) [m]."""
@@ -297,3 +302,37 @@ class PlanarSimulator:
         state.goal[indices] = goals
         state.twist[indices] = 0.0
         state.contact[indices] = False
+
+
+class PlanarSimulator(Simulator):
+    """Robots that slide over the plane as their drives say, on the CPU."""
+
+    def step(self, command: ArrayLike) -> None:
+        """Apply velocity commands (num_envs, 2) [m/s, rad/s]; see ``Simulator``."""
+        command = self.checked(command)
+        if self._run_step is None:
+            self._run_step = self._bind_step(command)
+        self._threads(self._run_step, command)
+
+    def _bind_step(self, command: FloatArray) -> Callable[[FloatArray], None]:
+        """Return the function that steps this batch; ``command`` is one as it will be given."""
+        errors: tuple[Any, ...] = ()
+        rest = (*self._scene, self._time, self._trail)
+        kernel = kernels.step_batch
+        if self.errors is not None:
+            kernel, errors = perturbed_kernels.step_batch, (self.errors, self.drawn)
+            rest = (*rest, self._crowd)
+        elif self._has_movers:
+            kernel, rest = crowd_kernels.step_batch, (*rest, self._crowd)
+        kernel = self._threads.version(kernel)
+        run, state = bound(kernel, self.state, *errors, command, *rest), self.state
+        return lambda command: run(state, *errors, command, *rest)
+
+    def true_scan(self) -> NDArray[np.float32]:
+        """Return the scan of a lidar without errors; see ``Simulator``."""
+        if self.errors is None:
+            return self.scan
+        ranges = np.empty_like(self.state.ranges)
+        cast = self._threads.version(perturbed_kernels.true_ranges)
+        cast(self.state, *self._scene, ranges)
+        return self._read(ranges)
