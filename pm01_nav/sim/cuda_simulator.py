@@ -19,7 +19,7 @@ from pm01_nav.sim.lidar import FEW_BEAMS
 from pm01_nav.sim.pedestrians import Tables, new_tables
 from pm01_nav.sim.perturbation import Perturbation
 from pm01_nav.sim.random import stream_keys
-from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.sim.simulator import Simulator
 from pm01_nav.worlds.pool import WorldPool
 
 UNSIGNED = ("rng_key", "rng_count", "dark_key")
@@ -31,7 +31,7 @@ MAX_WALKING_THREADS = 1 << 14
 Group = TypeVar("Group", bound=tuple[Any, ...])
 
 
-class CudaSimulator(PlanarSimulator):
+class CudaSimulator(Simulator):
     """``PlanarSimulator`` on a GPU: the same functions, compiled for it.
 
     ``state`` and all other arrays are those of ``arrays``; ``step``, ``reset`` and the rest take
@@ -42,7 +42,7 @@ class CudaSimulator(PlanarSimulator):
     def __init__(
         self, robot: RobotSpec, pool: WorldPool, num_envs: int, *, arrays: Arrays, **options: Any
     ) -> None:
-        """Allocate the batch on the device; ``options`` are those of ``PlanarSimulator``.
+        """Allocate the batch on the device; ``options`` are those of ``Simulator``.
 
         Raises:
             InputError: it does not fit into the device's memory.
@@ -113,7 +113,7 @@ class CudaSimulator(PlanarSimulator):
         launch(threads)
 
     def perturb(self, ranges: Perturbation) -> None:
-        """Let each episode draw what is wrong with its robot; see ``PlanarSimulator``."""
+        """Let each episode draw what is wrong with its robot; see ``Simulator``."""
         super().perturb(ranges)
         assert self.errors is not None
         assert self.drawn is not None
@@ -132,12 +132,12 @@ class CudaSimulator(PlanarSimulator):
         self._scene[2].cumulative_weight[...] = cumulative
 
     def seed(self, seeds: ArrayLike, indices: Any = slice(None)) -> None:
-        """Begin random streams anew; see ``PlanarSimulator``."""
+        """Begin random streams anew; see ``Simulator``."""
         self.state.rng_key[indices] = self._on.from_numpy(stream_keys(np.asarray(seeds)))
         self.state.rng_count[indices] = 0
 
     def step(self, command: Any) -> None:
-        """Apply velocity commands (num_envs, axes) [m/s, rad/s]; see ``PlanarSimulator``."""
+        """Apply velocity commands (num_envs, axes) [m/s, rad/s]; see ``Simulator``."""
         needed = (self.num_envs, self.drive.size)
         if tuple(np.shape(command)) != needed:
             raise ValueError(f"command: shape {np.shape(command)}, needs {needed}")
@@ -190,7 +190,7 @@ class CudaSimulator(PlanarSimulator):
         )
 
     def reset(self, indices: Any = None, worlds: Any = None) -> None:
-        """Start new episodes in some environments (all by default); see ``PlanarSimulator``."""
+        """Start new episodes in some environments (all by default); see ``Simulator``."""
         chosen = self._everyone if indices is None else indices
         count = self._choose(chosen)
         if worlds is not None:
@@ -236,7 +236,7 @@ class CudaSimulator(PlanarSimulator):
             self._observe_wrongly(self._chosen, count, first=True)
 
     def true_scan(self) -> Any:
-        """Return the scan of a lidar without errors; see ``PlanarSimulator``."""
+        """Return the scan of a lidar without errors; see ``Simulator``."""
         if self.errors is None:
             return self.scan
         if self._true_ranges is None:
