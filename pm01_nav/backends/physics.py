@@ -12,7 +12,7 @@ from pm01_nav.backends.engine import MakeEngine, Motion, Scenario, View, ticks_i
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import engine_kernels
-from pm01_nav.sim.perturbation import Perturbation
+from pm01_nav.sim.settings import Perturbation
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.worlds.pool import WorldPool
 
