@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from ctypes.util import find_library
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from pydantic import AfterValidator
 
@@ -19,11 +19,13 @@ from pm01_nav.backends.gazebo_config import GazeboConfig
 from pm01_nav.backends.gazebo_install import require_gazebo
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim.simulator import PlanarSimulator, Simulator
-from pm01_nav.worlds.pool import WorldPool
+
+if TYPE_CHECKING:
+    from pm01_nav.sim.simulator import Simulator
+    from pm01_nav.worlds.pool import WorldPool
 
 DEFAULT_GAZEBO = GazeboConfig()
-Build = Callable[..., Simulator]
+Build = Callable[..., Any]
 
 
 class Backend(NamedTuple):
@@ -62,6 +64,8 @@ BackendName = Annotated[str, AfterValidator(_known)]
 def _planar(
     _: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
 ) -> Simulator:
+    from pm01_nav.sim.simulator import PlanarSimulator
+
     return PlanarSimulator(robot, pool, num_envs, **how)
 
 

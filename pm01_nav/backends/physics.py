@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pm01_nav.backends.engine import MakeEngine, Motion, Scenario, View, ticks_in
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim.perturbation import Perturbation
+from pm01_nav.sim.settings import Perturbation
 from pm01_nav.sim.simulator import Simulator
 from pm01_nav.worlds.pool import WorldPool
 

@@ -17,8 +17,8 @@ from pm01_nav.sim import cuda_kernels
 from pm01_nav.sim.kernels import ABSENT
 from pm01_nav.sim.lidar import FEW_BEAMS
 from pm01_nav.sim.pedestrians import Tables, new_tables
-from pm01_nav.sim.perturbation import Perturbation
 from pm01_nav.sim.random import stream_keys
+from pm01_nav.sim.settings import Perturbation
 from pm01_nav.sim.simulator import Simulator
 from pm01_nav.worlds.pool import WorldPool
 

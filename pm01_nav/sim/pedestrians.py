@@ -17,8 +17,8 @@ from pm01_nav.compilation import compiled
 from pm01_nav.sim.drive_motion import read_twist
 from pm01_nav.sim.orca import avoidance, choose_velocity
 from pm01_nav.sim.random import draw_row, uniform
+from pm01_nav.sim.settings import ORCA
 from pm01_nav.sim.social_force import RELAXATION, repulsion, wall_repulsion
-from pm01_nav.sim.state import ORCA
 from pm01_nav.sim.surroundings import MAX_WALLS, find_walls
 from pm01_nav.worlds.mover_arrays import PEDESTRIAN
 

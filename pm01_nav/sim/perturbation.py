@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.random import bits, uniform
+from pm01_nav.sim.settings import Perturbation
 from pm01_nav.sim.state import padded
 
 FloatArray = NDArray[np.float64]
@@ -18,44 +19,6 @@ LEAST_COMMANDS = 3
 """So many commands are kept at least, as they are in the checkpoints of early versions."""
 SLICES = 8
 """Parts of a scan that are cast from places of their own while the robot moves."""
-
-
-class Perturbation(NamedTuple):
-    """One number for each quantity that can be off, or its range.
-
-    What the episodes drew: arrays of shape (num_envs,). What they draw from: least and greatest,
-    shape (2,). Meanings and units stand in ``RandomizationConfig``, which has the same names, but
-    for what takes time while the robot drives: here it counts in control steps of the simulator.
-    """
-
-    wheel_left_factor: FloatArray
-    wheel_right_factor: FloatArray
-    wheel_separation_factor: FloatArray
-    acceleration_factor: FloatArray
-    actuator_lag: FloatArray
-    command_delay: FloatArray
-    """[control steps], which need not be whole."""
-    slip: FloatArray
-    slip_noise: FloatArray
-    control_jitter: FloatArray
-    lidar_noise_std: FloatArray
-    lidar_noise_share: FloatArray
-    lidar_dropout: FloatArray
-    lidar_range_factor: FloatArray
-    lidar_x_error: FloatArray
-    lidar_y_error: FloatArray
-    lidar_yaw_error: FloatArray
-    dark_share: FloatArray
-    dark_range: FloatArray
-    scan_delay: FloatArray
-    """[control steps]; what is drawn is whole."""
-    scan_sweep: FloatArray
-    """[control steps]"""
-    odometry_scale: FloatArray
-    odometry_drift_per_m: FloatArray
-    odometry_drift_per_rad: FloatArray
-    goal_error: FloatArray
-    footprint_padding: FloatArray
 
 
 class ErrorState(NamedTuple):

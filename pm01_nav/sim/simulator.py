@@ -20,18 +20,15 @@ from pm01_nav.sim.kernels import ABSENT
 from pm01_nav.sim.lidar import read_scans
 from pm01_nav.sim.perturbation import (
     ErrorState,
-    Perturbation,
     fastest_factor,
     new_errors,
     new_perturbation,
 )
 from pm01_nav.sim.random import stream_keys
+from pm01_nav.sim.settings import PEDESTRIAN_MODELS, Features, PedestrianModel, Perturbation
 from pm01_nav.sim.state import (
-    PEDESTRIAN_MODELS,
     CrowdParams,
-    Features,
     FloatArray,
-    PedestrianModel,
     SimState,
     Sizes,
     TimeStep,

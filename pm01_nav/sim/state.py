@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,6 @@ from pm01_nav.sim.random import normal_values
 
 FloatArray = NDArray[np.float64]
 Arrays = TypeVar("Arrays", bound=tuple[NDArray[Any], ...])
-PedestrianModel = Literal["orca", "social_force"]
-ORCA, SOCIAL_FORCE = 0, 1
-PEDESTRIAN_MODELS: dict[PedestrianModel, int] = {"orca": ORCA, "social_force": SOCIAL_FORCE}
 BLOCK = 8
 """Beams that one vector instruction handles; rows of ranges are padded to whole blocks."""
 
@@ -143,30 +140,6 @@ def new_scratch(num_envs: int, sizes: Sizes) -> Scratch:
     """Return room for ``num_envs`` environments."""
     shape = (num_envs, sizes.path_cells)
     return Scratch(np.zeros(shape, dtype=np.int32), np.zeros(shape, dtype=np.bool_))
-
-
-class TrailParams(NamedTuple):
-    """The trail as the kernels read it; see ``task.trail.TrailLayout``."""
-
-    sectors: int = 0
-    """0 keeps no trail."""
-    interval_steps: int = 1
-    capacity: int = 0
-    reach: float = 1.0
-    near: float = 1.0
-    settled_places: int = 1
-
-
-class Features(NamedTuple):
-    """What is computed in each step because a task asks for it."""
-
-    sectors: int = 0
-    """Parts of the scan, as equal as can be, in each of which the nearest range is kept; 0 makes
-    every beam a part."""
-    trail: TrailParams = TrailParams()
-    """How each robot's way so far is remembered."""
-    path_distances: bool = False
-    """Whether the length of the way to the goal is known; else it is the straight distance."""
 
 
 class BaseParams(NamedTuple):

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from pm01_nav.backends import DEFAULT_GAZEBO, BackendName, GazeboConfig
 from pm01_nav.config import FrozenModel
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, changed_robot, load_robot
-from pm01_nav.sim.state import PedestrianModel
+from pm01_nav.sim.settings import PedestrianModel
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.observation import GoalKind, ObservationLayout, UsualParts
 from pm01_nav.task.parts import make_part

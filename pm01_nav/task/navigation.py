@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from pm01_nav.arrays import NUMPY, Arrays
 from pm01_nav.backends import make_simulator
 from pm01_nav.errors import InputError
+from pm01_nav.sim.settings import Features, TrailParams
 from pm01_nav.sim.simulator import Simulator
-from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.observation import ObservationLayout, Observer
 from pm01_nav.task.parts.base import ALL, Elapsed, Seen

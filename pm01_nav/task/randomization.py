@@ -18,7 +18,7 @@ from pm01_nav.config import FrozenModel, validate
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError, InputWarning
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim.perturbation import Perturbation
+from pm01_nav.sim.settings import Perturbation
 
 CONTROL_DT = 0.1
 """The control period of our tasks [s], by which delays of early files are understood."""

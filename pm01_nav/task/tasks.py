@@ -11,7 +11,6 @@ from pm01_nav.robot import full_circle
 from pm01_nav.task.config import ObservationConfig, RewardTerm, TaskConfig
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.trail import TrailLayout
-from pm01_nav.worlds.suites import SOURCES
 
 TaskFactory = Callable[[], TaskConfig]
 TASKS: dict[str, TaskFactory] = {}
@@ -31,13 +30,15 @@ def task_config(name: str) -> TaskConfig:
     """
     if name in TASKS:
         return TASKS[name]()
-    if name in SOURCES:
+    if name in task_names():
         return navigation(name)
     raise InputError(f"task = {name!r}: unknown; allowed: {', '.join(task_names())}")
 
 
 def task_names() -> list[str]:
     """Return what ``task_config`` knows, in alphabetical order."""
+    from pm01_nav.worlds.suites import SOURCES  # which need numba
+
     return sorted({*TASKS, *SOURCES})
 
 

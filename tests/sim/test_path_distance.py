@@ -11,8 +11,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from pm01_nav.robot import load_robot
+from pm01_nav.sim.settings import Features
 from pm01_nav.sim.simulator import PlanarSimulator
-from pm01_nav.sim.state import Features
 from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.worlds.free_space import shortest_path_length
 from pm01_nav.worlds.mover import Mover

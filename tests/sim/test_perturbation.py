@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pm01_nav.robot import full_circle, load_robot
-from pm01_nav.sim.perturbation import Perturbation
+from pm01_nav.sim.settings import Perturbation
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.task.randomization import default_randomization
 from pm01_nav.worlds.pool import build_pool

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pm01_nav.robot import load_robot
+from pm01_nav.sim.settings import Features, TrailParams
 from pm01_nav.sim.simulator import PlanarSimulator
-from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.trail import Trail, TrailLayout, familiarity, visited_sectors
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World

@@ -18,7 +18,7 @@ from pm01_nav.config import to_yaml, validate
 from pm01_nav.envs.spaces import resolve_task
 from pm01_nav.errors import InputError, InputWarning
 from pm01_nav.robot import load_robot
-from pm01_nav.sim.perturbation import Perturbation
+from pm01_nav.sim.settings import Perturbation
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.randomization import (
     RandomizationConfig,

@@ -113,7 +113,7 @@ class ObservationPart:
 
     @property
     def needs(self) -> Mapping[str, Any]:
-        """What the simulator must compute for it, as keys of ``sim.state.Features``."""
+        """What the simulator must compute for it, as keys of ``sim.settings.Features``."""
         return {}
 
     def memory(self, count: int, control_dt: float, arrays: Arrays) -> Memory:
