@@ -135,8 +135,10 @@ def _environments(config: RunConfig, arrays: Arrays) -> tuple[Batch, Curriculum]
         chosen = config.train.hyperparameters
         more = privileged(chosen)
         batch = NavigationBatch(task, pool, chosen.n_envs, arrays=arrays, privileged=more)
-    names = [world.name for world in pool.worlds]
     settings = config.train
+    # Stages alone know worlds by their names; all worlds are made to look at these.
+    staged = settings.curriculum == "staged"
+    names = [world.name for world in pool.worlds] if staged else [""] * len(pool)
     curriculum = make_curriculum(settings.curriculum, settings.staged, settings.automatic, names)
     apply(curriculum, batch)
     return batch, curriculum
