@@ -29,7 +29,6 @@ from pm01_nav.training.algorithms import algorithm
 from pm01_nav.training.budget import Budget
 from pm01_nav.training.checkpoint import load_checkpoint, restore
 from pm01_nav.training.config import RunConfig
-from pm01_nav.training.distributed import DistributedPPO
 from pm01_nav.training.divergence import divergence_told
 from pm01_nav.training.environment import make_environment, stored_statistics
 from pm01_nav.training.networks import privileged
@@ -168,6 +167,8 @@ def _learner(config: RunConfig, batch: Batch, budget: Budget, host: Host) -> Any
         return chosen.learning_rate * left
 
     if isinstance(batch, RemoteBatch):
+        from pm01_nav.training.distributed import DistributedPPO
+
         return DistributedPPO(config, batch, learning_rate=learning_rate, host=host)
     return algorithm(config.train.algo).make(
         chosen,
