@@ -93,7 +93,7 @@ def main() -> None:
     parser.add_argument("--out", required=True)
     parser.add_argument("--repeats", type=int, default=11, help="of the first iteration; 0: none")
     parser.add_argument("--seeds", type=int, default=10, help="of the ten seconds; 0: none")
-    parser.add_argument("--budget", type=float, default=9.9)
+    parser.add_argument("--budget", type=float, default=9.8)
     parser.add_argument("--episodes", type=int, default=1000)
     options = parser.parse_args()
     results: dict[str, Any] = {}
