@@ -57,7 +57,8 @@ def normal_values() -> NDArray[np.float32]:
     They are the middles of its quantiles, scaled to a variance of exactly 1; none exceeds 4.4.
     """
     # From the standard library: scipy takes a tenth of a second to import.
-    lower = [NormalDist().inv_cdf((k + 0.5) / 65536) for k in range(32768)]
+    quantile = NormalDist().inv_cdf
+    lower = [quantile((k + 0.5) / 65536) for k in range(32768)]
     middles = np.array([*lower, *(-value for value in reversed(lower))])
     return (middles / middles.std()).astype(np.float32)
 

@@ -71,7 +71,7 @@ def choose_threads(
     return ThreadChoice(chosen, f"measured a minibatch update with {measured}")
 
 
-def _update_seconds(batch_size: int, sizes: list[int], repeats: int = 7) -> float:
+def _update_seconds(batch_size: int, sizes: list[int], repeats: int = 5) -> float:
     """Return the median time of a forward and backward pass like the learner's [s]."""
     layers: list[torch.nn.Module] = []
     for n_in, n_out in pairwise(sizes):
@@ -82,8 +82,8 @@ def _update_seconds(batch_size: int, sizes: list[int], repeats: int = 7) -> floa
         np.random.default_rng(0).normal(size=(batch_size, sizes[0])).astype(np.float32)
     )
     times = []
-    for _ in range(repeats + 2):
+    for _ in range(repeats + 1):
         began = time.perf_counter()
         network(inputs).square().mean().backward()
         times.append(time.perf_counter() - began)
-    return float(np.median(times[2:]))
+    return float(np.median(times[1:]))

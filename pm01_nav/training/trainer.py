@@ -29,7 +29,6 @@ from pm01_nav.training.algorithms import algorithm
 from pm01_nav.training.budget import Budget
 from pm01_nav.training.checkpoint import load_checkpoint, restore
 from pm01_nav.training.config import RunConfig
-from pm01_nav.training.distributed import DistributedPPO
 from pm01_nav.training.divergence import divergence_told
 from pm01_nav.training.environment import make_environment, stored_statistics
 from pm01_nav.training.networks import privileged
@@ -136,8 +135,10 @@ def _environments(config: RunConfig, arrays: Arrays) -> tuple[Batch, Curriculum]
         chosen = config.train.hyperparameters
         more = privileged(chosen)
         batch = NavigationBatch(task, pool, chosen.n_envs, arrays=arrays, privileged=more)
-    names = [world.name for world in pool.worlds]
     settings = config.train
+    # Stages alone know worlds by their names; all worlds are made to look at these.
+    staged = settings.curriculum == "staged"
+    names = [world.name for world in pool.worlds] if staged else [""] * len(pool)
     curriculum = make_curriculum(settings.curriculum, settings.staged, settings.automatic, names)
     apply(curriculum, batch)
     return batch, curriculum
@@ -167,6 +168,8 @@ def _learner(config: RunConfig, batch: Batch, budget: Budget, host: Host) -> Any
         return chosen.learning_rate * left
 
     if isinstance(batch, RemoteBatch):
+        from pm01_nav.training.distributed import DistributedPPO
+
         return DistributedPPO(config, batch, learning_rate=learning_rate, host=host)
     return algorithm(config.train.algo).make(
         chosen,

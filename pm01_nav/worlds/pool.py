@@ -107,10 +107,14 @@ class Places(NamedTuple):
 class WorldPool:
     """Worlds, packed for the simulator."""
 
-    worlds: tuple[World, ...]
+    worlds: Sequence[World]
     arrays: WorldArrays
     radius: float
     """Starts, goals and the way between them are free for a disc of this radius [m]."""
+    look: Callable[[Sequence[World], float], Views] = field(
+        default=list_views, repr=False, compare=False
+    )
+    """Lists what is seen up to a range [m], or knows it from an earlier time."""
     _seen: dict[float, Views] = field(default_factory=dict, repr=False, compare=False)
     _spaces: dict[int, FreeSpace] = field(default_factory=dict, repr=False, compare=False)
 
@@ -124,7 +128,7 @@ class WorldPool:
         All but the lists are shared.
         """
         if view_range not in self._seen:
-            self._seen[view_range] = list_views(self.worlds, view_range)
+            self._seen[view_range] = self.look(self.worlds, view_range)
         return self.arrays._replace(**self._seen[view_range]._asdict())
 
     def free_space(self, index: int) -> FreeSpace:

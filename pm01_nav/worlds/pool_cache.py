@@ -7,8 +7,10 @@ import contextlib
 import hashlib
 import io
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, overload
 
 import numpy as np
 import scipy
@@ -16,19 +18,21 @@ from numpy.typing import NDArray
 
 from pm01_nav.compilation import cache_folder
 from pm01_nav.config import write_atomically
-from pm01_nav.errors import InputError
 from pm01_nav.worlds.barn import UNREADABLE
-from pm01_nav.worlds.free_space import FreeSpace
 from pm01_nav.worlds.mover import Motion, Mover
-from pm01_nav.worlds.pool import Generator, Places, WorldPool, draw_world, pack_pool
+from pm01_nav.worlds.pool import Generator, WorldArrays, WorldPool, draw_world, pack_pool
+from pm01_nav.worlds.views import Views, list_everything, list_views
 from pm01_nav.worlds.world import World
 
 LEAST_WORLDS = 64
 """Fewer are generated about as fast as they are read."""
-MAX_BYTES = 128_000_000
-"""Kept at most; 1024 worlds take 9 MB."""
+MAX_BYTES = 256_000_000
+"""Kept at most; 1024 worlds take 20 MB with what is seen of them."""
+PACKED = "packed_"
+"""Before the names of a pool's arrays, in an entry."""
+DIGEST_BYTES = 32
+"""Of the SHA-256 at the end of an entry."""
 
-Drawn = list[tuple[World, Places]]
 Arrays = dict[str, NDArray[Any]]
 MOTIONS: tuple[Motion, ...] = get_args(Motion)
 
@@ -48,13 +52,11 @@ def cached_pool(
     if len(seeds) < LEAST_WORLDS:
         return pack_pool([draw_world(generator, seed, radius) for seed in seeds], radius)
     file = cache_folder() / "pools" / f"{_fingerprint(name, seeds, radius, Path(code))}.npz"
-    drawn = _read(file)
-    if drawn is None:
-        drawn = [draw_world(generator, seed, radius) for seed in seeds]
-        # Without a cache everything works, only slower.
-        with contextlib.suppress(OSError):
-            _write(file, drawn)
-    return pack_pool(drawn, radius)
+    pool = _kept_pool(file, radius)
+    if pool is None:
+        pool = pack_pool([draw_world(generator, seed, radius) for seed in seeds], radius)
+        _write(file, _to_arrays(pool))
+    return replace(pool, look=partial(_kept_views, file))
 
 
 def _fingerprint(name: str, seeds: Sequence[int], radius: float, code: Path) -> str:
@@ -67,12 +69,34 @@ def _fingerprint(name: str, seeds: Sequence[int], radius: float, code: Path) -> 
     return digest.hexdigest()[:32]
 
 
-def _write(file: Path, drawn: Drawn) -> None:
+def _kept_pool(file: Path, radius: float) -> WorldPool | None:
+    """Return what an earlier call kept, or None if there is nothing whole."""
+    arrays = _read(file)
+    return None if arrays is None else _from_arrays(arrays, radius)
+
+
+def _kept_views(file: Path, worlds: Sequence[World], view_range: float) -> Views:
+    """Return ``list_views`` of the pool in ``file``, or what an earlier call kept of it."""
+    beside = file.with_name(f"{file.stem}-{view_range!r}.npz")
+    arrays = _read(beside)
+    if arrays is None:
+        views = list_views(worlds, view_range)
+        kept = views._asdict()
+        del kept["view_range"]
+        _write(beside, kept)
+        return views
+    return Views(view_range, **arrays)
+
+
+def _write(file: Path, arrays: Arrays) -> None:
     content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **_to_arrays(drawn))
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(file, content.getvalue())
-    _remove_oldest(file.parent)
+    np.savez(content, allow_pickle=False, **arrays)
+    whole = content.getvalue()
+    # Without a cache everything works, only slower.
+    with contextlib.suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(file, whole + hashlib.sha256(whole).digest())
+        _remove_oldest(file.parent)
 
 
 def _remove_oldest(folder: Path) -> None:
@@ -84,20 +108,31 @@ def _remove_oldest(folder: Path) -> None:
             file.unlink(missing_ok=True)
 
 
-def _read(file: Path) -> Drawn | None:
-    """Return what an earlier call kept, or None if there is nothing readable."""
+def _read(file: Path) -> Arrays | None:
+    """Return the arrays of an entry, or None if there is none, or not exactly what was written.
+
+    Kernels trust them without a look, so that a damaged entry must not get to them.
+    """
     try:
-        # From memory, because numpy forgets to close the file if it is damaged.
-        with np.load(io.BytesIO(file.read_bytes()), allow_pickle=False) as entry:
-            return _from_arrays(dict(entry))
-    except (*UNREADABLE, IndexError, TypeError, InputError):
+        content = file.read_bytes()
+        whole = content[:-DIGEST_BYTES]
+        if hashlib.sha256(whole).digest() != content[-DIGEST_BYTES:]:
+            return None
+        with np.load(io.BytesIO(whole), allow_pickle=False) as entry:
+            return dict(entry)
+    except UNREADABLE:
         return None
 
 
-def _to_arrays(drawn: Drawn) -> Arrays:
-    worlds = [world for world, _ in drawn]
-    places = [found for _, found in drawn]
+def _to_arrays(pool: WorldPool) -> Arrays:
+    worlds, packed = pool.worlds, pool.arrays._asdict()
+    for name in ("starts", "goals", "way_cells", "mover_random_phase", *Views._fields):
+        del packed[name]
     return {
+        **{f"{PACKED}{name}": array for name, array in packed.items()},
+        **_coded("starts", pool.arrays.starts),
+        **_coded("goals", pool.arrays.goals),
+        "ways": np.packbits(pool.arrays.way_cells),
         "names": np.array([world.name for world in worlds]),
         "bounds": np.array([world.bounds for world in worlds]),
         "start": _optional([world.start for world in worlds], 3),
@@ -109,31 +144,46 @@ def _to_arrays(drawn: Drawn) -> Arrays:
         "num_polygons": np.array([len(world.polygons) for world in worlds]),
         **_mover_arrays([mover for world in worlds for mover in world.movers]),
         "num_movers": np.array([len(world.movers) for world in worlds]),
-        "start_yaw": np.array([found.start_yaw for found in places]),
-        "jitter": np.array([found.jitter for found in places]),
-        **_way_arrays([found.ways for found in places]),
-        **_coded("starts", [found.starts for found in places]),
-        **_coded("goals", [found.goals for found in places]),
     }
 
 
-def _way_arrays(ways: list[FreeSpace | None]) -> Arrays:
-    frames = [(*way.origin, way.resolution, *way.free.shape) if way else None for way in ways]
-    cells = [way.free.ravel() if way else np.zeros(0, dtype=np.bool_) for way in ways]
-    laid = _rows("ways", cells)
-    return laid | {"ways": np.packbits(laid["ways"]), "way_frames": _optional(frames, 5)}
+def _from_arrays(arrays: Arrays, radius: float) -> WorldPool:
+    """Undo ``_to_arrays``."""
+    packed = {n.removeprefix(PACKED): a for n, a in arrays.items() if n.startswith(PACKED)}
+    cells = np.unpackbits(arrays["ways"], count=int(packed["way_begin"][-1]))
+    everything = list_everything(packed["segment_begin"], packed["disc_begin"])
+    pool_arrays = WorldArrays(
+        **packed,
+        starts=_decoded(arrays, "starts"),
+        goals=_decoded(arrays, "goals"),
+        way_cells=cells,
+        mover_random_phase=True,
+        **everything._asdict(),
+    )
+    return WorldPool(_KeptWorlds(arrays), pool_arrays, radius)
 
 
-def _ways(arrays: Arrays) -> Iterator[FreeSpace | None]:
-    """Undo ``_way_arrays``."""
-    lengths = arrays["ways_length"]
-    cells = np.unpackbits(arrays["ways"], count=int(lengths.sum())).view(np.bool_)
-    for frame, free in zip(_tuples(arrays["way_frames"]), _parts(cells, lengths), strict=True):
-        if frame is None:
-            yield None
-        else:
-            shape = int(frame[3]), int(frame[4])
-            yield FreeSpace(free.reshape(shape), frame[2], (frame[0], frame[1]))
+class _KeptWorlds(Sequence[World]):
+    """The worlds of an entry, made when somebody looks at one: to train nobody needs to."""
+
+    def __init__(self, arrays: Arrays) -> None:
+        self._arrays = arrays
+
+    @cached_property
+    def _worlds(self) -> list[World]:
+        return _worlds(self._arrays)
+
+    def __len__(self) -> int:
+        return len(self._arrays["names"])
+
+    @overload
+    def __getitem__(self, index: int) -> World: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[World]: ...
+
+    def __getitem__(self, index: int | slice) -> World | Sequence[World]:
+        return self._worlds[index]
 
 
 def _mover_arrays(movers: list[Mover]) -> Arrays:
@@ -145,7 +195,7 @@ def _mover_arrays(movers: list[Mover]) -> Arrays:
     }
 
 
-def _from_arrays(arrays: Arrays) -> Drawn:
+def _worlds(arrays: Arrays) -> list[World]:
     polygons = _parts(_split(arrays, "polygons"), arrays["num_polygons"])
     movers = _parts(_movers(arrays), arrays["num_movers"])
     fields = zip(
@@ -158,7 +208,7 @@ def _from_arrays(arrays: Arrays) -> Drawn:
         *(_tuples(arrays[key]) for key in ("start", "start_area", "goal_area")),
         strict=True,
     )
-    worlds = [
+    return [
         World(
             name,
             tuple(bounds),
@@ -172,15 +222,6 @@ def _from_arrays(arrays: Arrays) -> Drawn:
         )
         for name, bounds, discs, segments, polygons, movers, start, start_area, goal_area in fields
     ]
-    places = zip(
-        _decoded(arrays, "starts"),
-        _decoded(arrays, "goals"),
-        arrays["start_yaw"].tolist(),
-        map(tuple, arrays["jitter"].tolist()),
-        _ways(arrays),
-        strict=True,
-    )
-    return [(world, Places(*found)) for world, found in zip(worlds, places, strict=True)]
 
 
 def _movers(arrays: Arrays) -> list[Mover]:
@@ -216,17 +257,16 @@ def _split(arrays: Arrays, key: str) -> list[NDArray[Any]]:
     return _parts(arrays[key], arrays[f"{key}_length"])
 
 
-def _coded(key: str, parts: list[NDArray[np.float64]]) -> Arrays:
+def _coded(key: str, places: NDArray[np.float64]) -> Arrays:
     """Keep coordinates as numbers of the few different values that cell centres have."""
-    rows = _rows(key, parts)
-    values, codes = np.unique(rows[key], return_inverse=True)
+    values, codes = np.unique(places, return_inverse=True)
     kind = np.uint16 if len(values) <= 1 << 16 else np.uint32
-    return rows | {key: codes.reshape(-1, 2).astype(kind), f"{key}_values": values}
+    return {key: codes.reshape(-1, 2).astype(kind), f"{key}_values": values}
 
 
-def _decoded(arrays: Arrays, key: str) -> list[NDArray[np.float64]]:
+def _decoded(arrays: Arrays, key: str) -> NDArray[np.float64]:
     """Undo ``_coded``."""
-    return _parts(arrays[f"{key}_values"][arrays[key]], arrays[f"{key}_length"])
+    return arrays[f"{key}_values"].take(arrays[key])
 
 
 def _parts(rows: Any, lengths: NDArray[np.int64]) -> list[Any]:

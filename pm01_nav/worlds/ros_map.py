@@ -8,11 +8,10 @@ import struct
 import warnings
 import zlib
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 
 from pm01_nav.config import FrozenModel, validate
@@ -21,6 +20,9 @@ from pm01_nav.errors import InputError
 from pm01_nav.worlds.grid import OccupancyGrid
 from pm01_nav.worlds.reading import Reading
 from pm01_nav.worlds.world import World
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 MAX_PIXELS = 64_000_000
 """Larger images are refused unread: a few bytes of header can ask for any amount of memory."""
@@ -38,7 +40,7 @@ calls it unknown or free, depending on which of the two files it reads. Here it 
 """
 LEAST_YAW = 1e-6
 """Smaller yaws are what SLAM tools' rounding leaves of 0 [rad]."""
-# What Pillow's readers raise on a damaged file; DecompressionBombError is their size limit.
+# What Pillow's readers raise on a damaged file.
 UNREADABLE = (
     OSError,
     ValueError,
@@ -49,7 +51,6 @@ UNREADABLE = (
     OverflowError,
     struct.error,
     zlib.error,
-    Image.DecompressionBombError,
 )
 
 
@@ -138,6 +139,8 @@ def _read_pixels(path: Path, image_path: Path) -> tuple[NDArray[np.integer], boo
 
     8-bit images come as uint8, 16-bit ones as uint16 with one channel.
     """
+    from PIL import Image  # Few read a map.
+
     where = f"{path}: image = {str(image_path)!r}"
     try:
         with warnings.catch_warnings():

@@ -18,6 +18,7 @@ import pytest
 
 from pm01_nav.benchmark.policies import trained_task
 from pm01_nav.cli import pm01
+from pm01_nav.compilation import cache_folder
 from pm01_nav.policy import OnnxPolicy
 from pm01_nav.policy.onnx_file import cleaned, set_metadata
 from pm01_nav.provenance import shown, shown_command, shown_path
@@ -40,6 +41,8 @@ def machine(tmp_path_factory):
         home = place / "home" / USER
         for folder in (home / "maps", home / "my robots", place / "work"):
             folder.mkdir(parents=True)
+        # Workers need not compile everything anew.
+        patch.setenv("PM01_CACHE", str(cache_folder()))
         patch.setenv("HOME", str(home))
         patch.setattr(socket, "gethostname", lambda: HOST)
         patch.chdir(place / "work")

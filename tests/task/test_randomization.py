@@ -220,15 +220,17 @@ def test_unusable_early_delays_are_refused_in_one_line(tmp_path: Path, text, wor
 
 def test_the_command_line_shows_the_warning_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "early.yaml").write_text("command_delay: [1, 1]\n", encoding="utf-8")
-    command = ["evaluate", "goal_seeking", "--task", "empty", "--episodes", "1"]
+    # The folder is taken: to train, or to evaluate, would be to compile first.
+    command = ["train", "--task", "empty", "--steps", "1", "--out", "."]
     done = subprocess.run(
         [sys.executable, "-c", MAIN, *command, "--randomization", "early.yaml"],
         capture_output=True,
         text=True,
         cwd=tmp_path,
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 2, done.stderr
     assert done.stderr.splitlines() == [
         "warning: early.yaml: command_delay = [1, 1] as command_delay_s = [0.1, 0.1]: "
-        "delays are in seconds now; these were taken for control steps of 0.1 s"
+        "delays are in seconds now; these were taken for control steps of 0.1 s",
+        "error: out = .: exists and is not empty; --force replaces it",
     ]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 from pathlib import Path
@@ -14,9 +15,10 @@ from pm01_nav.worlds import pool_cache
 from pm01_nav.worlds.free_space import FreeSpace
 from pm01_nav.worlds.frozen import worlds_hash
 from pm01_nav.worlds.mover import Mover
-from pm01_nav.worlds.pool import Places, WorldPool, generate_pool
+from pm01_nav.worlds.pool import Places, WorldPool, generate_pool, pack_pool
 from pm01_nav.worlds.pool_cache import cached_pool
 from pm01_nav.worlds.suites import suites
+from pm01_nav.worlds.views import Views
 from pm01_nav.worlds.world import World
 
 RADIUS = 0.27
@@ -85,18 +87,30 @@ def test_all_fields_of_a_world_survive() -> None:
     ways = FreeSpace(np.array([[True, False, True], [False, True, True]]), 0.2, (-1.0, 0.5))
     places = Places(np.array([[0.1, 0.2]]), goals, 1.5, (0.0, 0.05), ways)
     drawn = [(full, places), (bare, places._replace(start_yaw=np.nan, ways=None)), (full, places)]
-    again = pool_cache._from_arrays(pool_cache._to_arrays(drawn))
-    assert worlds_hash(w for w, _ in again) == worlds_hash(w for w, _ in drawn)
-    for (_, one), (_, other) in zip(again, drawn, strict=True):
-        assert one.starts.tolist() == other.starts.tolist()
-        assert one.goals.tolist() == other.goals.tolist()
-        assert one.jitter == other.jitter
-        assert (one.ways is None) == (other.ways is None)
-        if one.ways is not None:
-            assert one.ways.free.tolist() == other.ways.free.tolist()
-            assert one.ways.resolution == other.ways.resolution
-            assert one.ways.origin == other.ways.origin
-        assert one.start_yaw == other.start_yaw or np.isnan([one.start_yaw, other.start_yaw]).all()
+    pool = pack_pool(drawn, RADIUS)
+    again = pool_cache._from_arrays(pool_cache._to_arrays(pool), RADIUS)
+    assert_equal(again, pool)
+    assert again.worlds[2].movers[1].times.tolist() == [0.0, 1.0, 2.5]
+    assert len(again.worlds[1].polygons) == 0
+    # -0.0 is 0.0 to all who drive there.
+    assert again.arrays.goals[2:4].tolist() == goals.tolist()
+
+
+def test_what_is_seen_is_kept_beside_its_pool(folder: Path, monkeypatch) -> None:
+    first = suite_pool("static", SEEDS, RADIUS)
+    near, far = first.arrays_for(2.0), first.arrays_for(12.0)
+    assert len(near.seen_discs) < len(far.seen_discs)
+    assert len(list(folder.iterdir())) == 3
+    monkeypatch.setattr(pool_cache, "draw_world", never)
+    monkeypatch.setattr(pool_cache, "list_views", never)
+    again = suite_pool("static", SEEDS, RADIUS)
+    for view_range, arrays in ((2.0, near), (12.0, far)):
+        read = again.arrays_for(view_range)
+        assert read.view_range == view_range
+        for name in Views._fields:
+            assert np.array_equal(getattr(read, name), getattr(arrays, name)), name
+    # Nobody has looked at a world so far.
+    assert "_worlds" not in vars(again.worlds)
 
 
 def test_other_worlds_have_another_entry(folder: Path) -> None:
@@ -118,6 +132,10 @@ def other_archive(entry: bytes) -> bytes:
     content = io.BytesIO()
     np.savez(content, names=np.array(["a"]))
     return content.getvalue()
+
+
+def signed(entry: bytes) -> bytes:
+    return entry + hashlib.sha256(entry).digest()
 
 
 def fewer_rows(entry: bytes) -> bytes:
@@ -151,6 +169,7 @@ DAMAGE = {
     "fewer rows": fewer_rows,
     "negative radius": negative_radius,
     "pickled": pickled,
+    "pickled, signed": lambda entry: signed(pickled(entry)),
 }
 
 
@@ -162,7 +181,9 @@ def test_damaged_entry_is_not_used(damage, folder: Path) -> None:
     entry.write_bytes(damage(whole))
     assert_equal(suite_pool("static", SEEDS, RADIUS), first)
     # And it is mended.
-    assert_equal(pool_cache.pack_pool(pool_cache._read(entry) or [], RADIUS), first)
+    mended = pool_cache._kept_pool(entry, RADIUS)
+    assert mended is not None
+    assert_equal(mended, first)
 
 
 def test_folder_that_cannot_be_written_does_no_harm(folder: Path) -> None:
