@@ -32,7 +32,7 @@ class DistributedPPO(PPO):
         self, config: RunConfig, batch: RemoteBatch, *, learning_rate: Rate, host: Host
     ) -> None:
         """Build the learner; the workers are started by ``learn``."""
-        settings = config.train.ppo
+        settings = config.train.hyperparameters
         super().__init__(
             policy_class(settings),
             None,  # type: ignore[arg-type]  # as SB3 itself does before it loads a model

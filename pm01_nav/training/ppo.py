@@ -11,7 +11,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from pm01_nav.envs.spaces import action_space
 from pm01_nav.task.observation import ObservationLayout
-from pm01_nav.training.algorithm_config import PPOConfig
+from pm01_nav.training.algorithms.ppo import PPOConfig
 from pm01_nav.training.learner import Rate, on_policy_state, restore_on_policy
 from pm01_nav.training.networks import AsymmetricActorCritic, network_arguments, network_space
 from pm01_nav.training.optimizer import EagerAdam
@@ -54,9 +54,6 @@ class PPOAlgorithm:
     def restore(self, model: PPO, state: dict[str, Any]) -> None:
         """Go on from ``state``."""
         restore_on_policy(model, state)
-
-
-PPO_ALGORITHM = PPOAlgorithm()
 
 
 def policy_class(config: PPOConfig) -> type[ActorCriticPolicy]:

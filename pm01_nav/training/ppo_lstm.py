@@ -13,7 +13,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from pm01_nav.envs.spaces import action_space
 from pm01_nav.task.observation import ObservationLayout
-from pm01_nav.training.algorithm_config import PPOLSTMConfig
+from pm01_nav.training.algorithms.ppo_lstm import PPOLSTMConfig
 from pm01_nav.training.learner import Rate, on_policy_state, restore_on_policy
 from pm01_nav.training.networks import critic_features, network_space
 from pm01_nav.training.ppo import policy_arguments, update_arguments
@@ -82,9 +82,6 @@ class PPOLSTMAlgorithm:
         restore_on_policy(model, state)
         memory = {name: tuple(parts) for name, parts in state["memory"].items()}
         model._last_lstm_states = RNNStates(**memory)
-
-
-PPO_LSTM_ALGORITHM = PPOLSTMAlgorithm()
 
 
 def policy_class(config: PPOLSTMConfig) -> type[RecurrentActorCriticPolicy]:
