@@ -73,7 +73,7 @@ def spinning_share(policy_name: str, episodes: int) -> float:
     meter = SpinMeter(state.pose)
     spun = steps = 0.0
     while driving.any():
-        result = batch.step(batch.layout.limits.to_action(answer(policy, batch, source)))
+        result = batch.step(batch.layout.drive.to_action(answer(policy, batch, source)))
         # Robots that are done go on somewhere; what they do then is not looked at.
         meter.note(state.pose, ~driving)
         count = float(driving.sum())

@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import Any
 
 import numba
-from numba.core import codegen
+from numba.core import codegen, event
 from numba.core import config as numba_config
 
 
@@ -23,7 +23,7 @@ def cache_folder() -> Path:
     return Path(os.environ.get("PM01_CACHE") or Path(base) / "pm01_nav")
 
 
-KERNEL_SOURCES = ("compilation.py", "sim/*.py", "worlds/**/*.py")
+KERNEL_SOURCES = ("compilation.py", "drives/base.py", "sim/*.py", "worlds/**/*.py")
 """Files whose functions the simulator's kernels may call."""
 MISSING = object()
 PLANNER_SOURCES = (*KERNEL_SOURCES, "planners/*.py")
@@ -102,6 +102,15 @@ def _cached_in(folder: str, function: Callable[..., Any], options: dict[str, Any
     # The setting is read here and now; other users of numba in this process keep theirs.
     with patched(numba_config, "CACHE_DIR", folder):
         return numba.njit(**options)(function)
+
+
+_COMPILING = event.TimingListener()
+event.register("numba:compile", _COMPILING)
+
+
+def seconds_compiling() -> float:
+    """Return how long this process has compiled so far [s]; reading what was kept is no part."""
+    return _COMPILING.duration if _COMPILING.done else 0.0
 
 
 def bound(kernel: Any, *arguments: object) -> Callable[..., None]:

@@ -55,12 +55,18 @@ def compose_poses(origin: Array, relative: Array) -> Array:
 def after_twist(pose: Array, twist: Array, dt: float | Array) -> Array:
     """Return poses (..., 3) [m, m, rad] after ``dt`` [s] on an arc of constant twist.
 
-    ``twist`` (..., 2): v and w in the frame of the pose [m/s, rad/s]; ``dt`` broadcasts with them.
+    ``twist`` (..., 2) or (..., 3): forwards, to the left if it has three, and the turn, in the
+    frame of the pose [m/s, rad/s]; ``dt`` broadcasts with them.
     """
-    turn = twist[..., 1] * dt
-    chord = twist[..., 0] * dt * np.sinc(0.5 * turn / np.pi)
+    turn = twist[..., -1] * dt
     along = pose[..., 2] + 0.5 * turn
-    return pose + np.stack([chord * np.cos(along), chord * np.sin(along), turn], axis=-1)
+    cos, sin = np.cos(along), np.sin(along)
+    share = np.sinc(0.5 * turn / np.pi)
+    ahead = twist[..., 0] * dt * share
+    if twist.shape[-1] == 2:
+        return pose + np.stack([ahead * cos, ahead * sin, turn], axis=-1)
+    left = twist[..., 1] * dt * share
+    return pose + np.stack([ahead * cos - left * sin, ahead * sin + left * cos, turn], axis=-1)
 
 
 def rectangle(x: float, y: float, length: float, width: float, yaw: float = 0.0) -> Array:

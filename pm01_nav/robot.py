@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a robot is: its footprint, wheels, limits and lidar. A new robot is one YAML file."""
+"""What a robot is: its footprint, drive, limits and lidar. A new robot is one YAML file."""
 
 from __future__ import annotations
 
@@ -11,10 +11,21 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    PlainValidator,
+    SerializeAsAny,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    model_serializer,
+    model_validator,
+)
 
 from pm01_nav.config import FrozenModel, merge, validate
 from pm01_nav.documents import load_yaml
+from pm01_nav.drives import DRIVES, Drive
+from pm01_nav.drives.limits import LIMITS, Limits
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import is_convex_counter_clockwise
 from pm01_nav.readings import ZeroMeans
@@ -74,21 +85,6 @@ class Wheels(FrozenModel):
     """[m]"""
     separation: Positive
     """Between the two wheels' contact points [m]."""
-
-
-class Limits(FrozenModel):
-    """What the base can do; the simulator enforces it and a policy's commands stay within."""
-
-    linear_min: Annotated[float, Field(le=0.0)]
-    """Fastest speed backwards [m/s], zero or negative."""
-    linear_max: Positive
-    """Fastest speed forwards [m/s]."""
-    angular_max: Positive
-    """Fastest turn to either side [rad/s]."""
-    linear_acceleration: Positive
-    """[m/s^2]"""
-    angular_acceleration: Positive
-    """[rad/s^2]"""
 
 
 class Actuator(FrozenModel):
@@ -169,17 +165,62 @@ class Body(FrozenModel):
     """The lidar's plane above the floor [m]."""
 
 
+def _known_drive(name: str) -> str:
+    if name not in DRIVES:
+        raise ValueError(f"unknown; allowed: {', '.join(sorted(DRIVES))}")
+    return name
+
+
+def _limits_of_drive(given: Any, info: ValidationInfo) -> Limits:
+    """Check limits by the drive; one that is not known has been refused already."""
+    model = LIMITS.get(info.data.get("drive", ""), Limits)
+    return given if isinstance(given, model) else model.model_validate(given)
+
+
 class RobotSpec(FrozenModel):
-    """A differential-drive robot with one 2D lidar; each number's source stands in its file."""
+    """A robot with one 2D lidar; each number's source stands in its file."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     description: str = ""
     footprint: Footprint
-    wheels: Wheels
-    limits: Limits
+    drive: Annotated[str, AfterValidator(_known_drive)] = "differential"
+    """What its commands mean; a name of the table ``DRIVES``, whose limits it has."""
+    wheels: Wheels | None = None
+    """None where the drive has no pair of them."""
+    limits: Annotated[SerializeAsAny[Limits], PlainValidator(_limits_of_drive)]
     actuator: Actuator = Actuator()
     lidar: Lidar
     body: Body = Body()
+
+    @model_validator(mode="after")
+    def _has_wheels(self) -> RobotSpec:
+        if DRIVES[self.drive].has_wheels and self.wheels is None:
+            raise ValueError(f"wheels: missing; the drive {self.drive} needs them")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _as_before(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave the usual drive away: hashes of recorded results are of descriptions without."""
+        data = dump(self)
+        if data.get("drive") == "differential":
+            del data["drive"]
+        return data
+
+    @property
+    def base(self) -> Drive:
+        """What commands mean to it."""
+        return DRIVES[self.drive].of(self.limits)
+
+    @property
+    def driven_wheels(self) -> Wheels:
+        """Its pair of driven wheels.
+
+        Raises:
+            InputError: it has none.
+        """
+        if self.wheels is None:
+            raise InputError(f"robot {self.name}: the drive {self.drive} has no pair of wheels")
+        return self.wheels
 
 
 def full_circle(num_beams: int) -> dict[str, float | int]:

@@ -93,7 +93,7 @@ def test_own_robot_from_a_file(tmp_path: Path) -> None:
 
 
 def test_unknown_robot_is_refused() -> None:
-    with pytest.raises(InputError, match="robot = 'r2d2': unknown; allowed: jackal, pm01"):
+    with pytest.raises(InputError, match="'r2d2': unknown; allowed: jackal, omni_disc, pm01,"):
         load_robot("r2d2")
 
 

@@ -72,7 +72,7 @@ class BodyModel:
 def body_model(robot: RobotSpec) -> BodyModel:
     """Return the body that a robot's description makes."""
     outline = np.array(robot.footprint.vertices, dtype=np.float64).reshape(-1, 2)
-    radius, wheel = robot.footprint.circumscribed_radius, robot.wheels.radius
+    radius, wheel = robot.footprint.circumscribed_radius, robot.driven_wheels.radius
     area, centre, moments = _plate(outline, radius)
     mass = robot.body.mass or MASS_PER_AREA * area
     hull_mass = (1.0 - 2.0 * WHEEL_SHARE) * mass
@@ -91,7 +91,7 @@ def body_model(robot: RobotSpec) -> BodyModel:
         hull_centre=np.array([*centre, bottom + MASS_HEIGHT * (top - bottom)]),
         hull_inertia=hull_mass * np.array([x + upright, y + upright, x + y]),
         wheel_radius=wheel,
-        wheel_separation=robot.wheels.separation,
+        wheel_separation=robot.driven_wheels.separation,
         wheel_mass=WHEEL_SHARE * mass,
         caster_radius=0.4 * wheel,
         caster_height=CASTER_GAP - 0.6 * wheel,

@@ -28,9 +28,9 @@ class WheelController:
         self._high = np.array([limits.linear_max, limits.angular_max])
         self._change = dt * np.array([limits.linear_acceleration, limits.angular_acceleration])
         self._keep = math.exp(-dt / lag) if lag > 0.0 else 0.0
-        half = robot.wheels.separation / 2.0
+        half = robot.driven_wheels.separation / 2.0
         # w to the left turns the right wheel faster.
-        self._to_wheels = np.array([[1.0, 1.0], [-half, half]]) / robot.wheels.radius
+        self._to_wheels = np.array([[1.0, 1.0], [-half, half]]) / robot.driven_wheels.radius
         self.twist: FloatArray = np.zeros((num_envs, 2))
         """v and w that the wheels are to have by now [m/s, rad/s]."""
 

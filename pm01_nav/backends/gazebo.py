@@ -83,7 +83,7 @@ class GazeboEngine:
         ticks = ticks_in(control_dt)
         iterations = max(1, round(control_dt / ticks / PHYSICS_DT))
         dt = control_dt / (ticks * iterations)
-        setup = Setup(robot.lidar.num_beams, robot.wheels.radius, ticks, iterations, dt)
+        setup = Setup(robot.lidar.num_beams, robot.driven_wheels.radius, ticks, iterations, dt)
         sdf = server_world(robot, dt, control_dt)
         self._worlds = worlds
         self._robots = [

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pm01_nav.backends import BACKENDS
 from pm01_nav.benchmark.recorder import EpisodeResults, Recorder
 from pm01_nav.benchmark.summary import summarize
-from pm01_nav.planners.plan_follower import PlanFollower
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.provenance import shown
 from pm01_nav.task.config import TaskConfig
@@ -22,6 +21,9 @@ from pm01_nav.worlds.free_space import shortest_path_length
 from pm01_nav.worlds.global_plan import inflate
 from pm01_nav.worlds.pool import WorldPool
 from pm01_nav.worlds.suites import world_source_of
+
+if TYPE_CHECKING:
+    from pm01_nav.planners.plan_follower import PlanFollower
 
 CHUNK = 1024
 """Episodes simulated side by side."""
@@ -47,6 +49,8 @@ class GoalSource:
         self._batch = batch
         self._follower: PlanFollower | None = None
         if look_ahead is not None:
+            from pm01_nav.planners.plan_follower import PlanFollower  # loads all planners
+
             state = batch.simulator.state
             costmaps = {
                 int(w): inflate(pool.free_space(int(w)), pool.radius)
@@ -221,8 +225,8 @@ def answer(
         command = np.asarray(policy.act(scan, goal, twist), dtype=np.float64)
     except Exception as error:  # whatever a policy may raise must not end the evaluation
         raise PolicyFailureError(shown(f"{type(error).__name__}: {error}")) from error
-    if command.shape != (batch.num_envs, 2):
-        wanted = (batch.num_envs, 2)
+    wanted = (batch.num_envs, batch.layout.drive.size)
+    if command.shape != wanted:
         raise PolicyFailureError(f"answered with shape {command.shape} instead of {wanted}")
     return command
 

@@ -143,7 +143,7 @@ class Recorder:
         self.moved_at[first] = self.steps[first]
         self.clearance_sum[now] += step.clearance[robots]
         self._add_jerk(now, step.twist[robots, 0])
-        self._add_turn(now, step.twist[robots, 1])
+        self._add_turn(now, step.twist[robots, -1])
         if self.pedestrians.any():
             self.intruded[now] += self._intruding(batch)[robots]
         self.success[now], self.collision[now] = step.reached[robots], step.collided[robots]

@@ -132,7 +132,7 @@ class _Tape:
         self._beams = np.unique(np.linspace(0, beams - 1, min(beams, BEAMS)).astype(np.int64))
         names = ("pose", "scan", "movers", "twist", "clearance", "command", "rewards")
         self._rows: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
-        self._action = np.zeros((1, 2))
+        self._action = np.zeros((1, batch.layout.drive.size))
 
     def look(self) -> None:
         """Note how things are."""
@@ -148,10 +148,10 @@ class _Tape:
             self._rows[name].append(np.array(row, dtype=np.float32))
 
     def step(self, command: FloatArray) -> str:
-        """Advance by a command (1, 2); return how the episode ended, empty if it goes on."""
+        """Advance by a command (1, axes); return how the episode ended, empty if it goes on."""
         batch = self._batch
         step = batch.advance(command)
-        step.action, step.previous_action = batch.layout.limits.to_action(command), self._action
+        step.action, step.previous_action = batch.layout.drive.to_action(command), self._action
         self._action = step.action
         self._rows["command"].append(command[0].astype(np.float32))
         self._rows["rewards"].append(batch.reward_terms(step)[:, 0].astype(np.float32))
@@ -167,7 +167,7 @@ class _Tape:
         batch, config = self._batch, self._batch.config
         rows = {name: np.array(rows, dtype=np.float32) for name, rows in self._rows.items()}
         # A policy that fails at once leaves no rows, whose width must be known all the same.
-        rows["command"] = rows["command"].reshape(-1, 2)
+        rows["command"] = rows["command"].reshape(-1, batch.layout.drive.size)
         rows["rewards"] = rows["rewards"].reshape(-1, len(config.rewards))
         about = {
             "outcome": outcome,

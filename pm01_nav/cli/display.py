@@ -237,8 +237,8 @@ def _body_rows(robot: RobotSpec) -> Rows:
         "name": (robot.name,),
         "footprint": (outline, "footprint"),
         "reaches, at least and at most": (reach,),
-        "wheel radius": (f"{robot.wheels.radius:g} m", "wheels.radius"),
-        "wheel separation": (f"{robot.wheels.separation:g} m", "wheels.separation"),
+        "wheel radius": (f"{robot.driven_wheels.radius:g} m", "wheels.radius"),
+        "wheel separation": (f"{robot.driven_wheels.separation:g} m", "wheels.separation"),
         "mass, in physics engines": (f"{body_model(robot).mass:.4g} kg", "body.mass"),
         "height, likewise": (f"{robot.body.height:g} m", "body.height"),
     }

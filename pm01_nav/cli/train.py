@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pm01_nav.cli import STARTED_AT
+from pm01_nav.cli.imports import without_collecting
 from pm01_nav.cli.options import (
     Command,
     given_settings,
@@ -132,7 +133,9 @@ def command(**options: Any) -> None:
       pm01 train --task static --backend gazebo --n-envs 4 --time-budget 3600 --out runs/gazebo
     """
     from pm01_nav.errors import InputError
-    from pm01_nav.training.run_folder import RunFolder
+
+    with without_collecting():
+        from pm01_nav.training.run_folder import RunFolder
 
     resume, out = options.pop("resume"), options.pop("out")
     force, ray = options.pop("force"), options.pop("ray")
@@ -161,7 +164,9 @@ def run_training(
     """Train with a progress display; say what came of it."""
     from pm01_nav.cli.display import TrainingDisplay
     from pm01_nav.executors import INTERRUPTED
-    from pm01_nav.training.trainer import train
+
+    with without_collecting():
+        from pm01_nav.training.trainer import train
 
     with TrainingDisplay() as display:
         result = train(

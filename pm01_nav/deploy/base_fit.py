@@ -58,7 +58,7 @@ def fit_base(commands: FloatArray, odometry: FloatArray, robot: RobotSpec) -> Ba
 
 def fit_drives(drives: Sequence[tuple[FloatArray, FloatArray]], robot: RobotSpec) -> BaseFit:
     """Fit the model to several drives of one robot."""
-    prepared = [prepare(c, o[:, :3], robot.wheels.separation) for c, o in drives]
+    prepared = [prepare(c, o[:, :3], robot.driven_wheels.separation) for c, o in drives]
     known = np.concatenate([commands_known(drive) for drive in prepared])
     problem = Problem.of(prepared, known, robot)
     best, others = _fit(problem)

@@ -100,7 +100,7 @@ degrees, the first one behind | -1 | 1 | 1 |
         self.batch = NavigationBatch(config, pool, 1, autoreset=False)
         self.metadata = described(self.metadata, config)
         self.observation_space = observation_space(self.batch.layout)
-        self.action_space = action_space()
+        self.action_space = action_space(self.batch.layout)
         self.render_mode = render_mode
         self._renderer = BatchRenderer(self.batch, render_mode) if render_mode else None
         self._begun = False
@@ -129,7 +129,7 @@ degrees, the first one behind | -1 | 1 | 1 |
         """
         if not self._begun:
             raise ResetNeeded("call reset before step")
-        result = self.batch.step(checked_actions(action, (2,))[None])
+        result = self.batch.step(checked_actions(action, (self.batch.layout.drive.size,))[None])
         if self._renderer:
             self._renderer.update()
         state, episodes = self.batch.simulator.state, result.episodes

@@ -48,11 +48,11 @@ class NavVecEnv(VecEnv):
         self._renderers = [BatchRenderer(batch, "rgb_array", i) for i in shown]
         self.reward_scale = reward_scale
         self.last_episodes: Episodes | None = None
-        self._actions = np.zeros((batch.num_envs, 2))
+        self._actions = np.zeros((batch.num_envs, batch.layout.drive.size))
         self._next_seeds: list[int] | None = None
         self.seed(seed)
         space = widened(observation_space(batch.layout), batch.privileged)
-        super().__init__(batch.num_envs, space, action_space())
+        super().__init__(batch.num_envs, space, action_space(batch.layout))
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Give environment i the seed ``seed + i`` from the next reset on."""
@@ -75,7 +75,7 @@ class NavVecEnv(VecEnv):
         Raises:
             InputError: they have another shape, or are no numbers.
         """
-        self._actions = np.array(checked_actions(actions, (self.num_envs, 2)))
+        self._actions = np.array(checked_actions(actions, self._actions.shape))
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step; finished environments already hold their next episode's first observation."""

@@ -30,9 +30,9 @@ def widened(space: spaces.Box, privileged: Privileged | None) -> spaces.Box:
     return spaces.Box(np.concatenate([space.low, -bound]), np.concatenate([space.high, bound]))
 
 
-def action_space() -> spaces.Box:
-    """Return the box of actions: v and w, each from -1 (least) to 1 (greatest)."""
-    return spaces.Box(-1.0, 1.0, shape=(2,), dtype=np.float32)
+def action_space(layout: ObservationLayout) -> spaces.Box:
+    """Return the box of actions: for each axis of the drive from -1 (least) to 1 (greatest)."""
+    return spaces.Box(-1.0, 1.0, shape=(layout.drive.size,), dtype=np.float32)
 
 
 def resolve_task(task: str | TaskConfig, changes: dict[str, object]) -> TaskConfig:

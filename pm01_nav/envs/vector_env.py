@@ -79,7 +79,7 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         pool, arrays = world_pool(config, "train", config.num_worlds), arrays_on(device)
         self.batch = NavigationBatch(config, pool, num_envs, autoreset=False, arrays=arrays)
         self.single_observation_space = observation_space(self.batch.layout)
-        self.single_action_space = action_space()
+        self.single_action_space = action_space(self.batch.layout)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.render_mode = render_mode
@@ -128,7 +128,8 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
             InputError: the actions have another shape or are not finite.
         """
         begins = self._to_begin()
-        actions = checked_actions(actions, (self.num_envs, 2), self.batch.arrays)
+        shape = (self.num_envs, self.batch.layout.drive.size)
+        actions = checked_actions(actions, shape, self.batch.arrays)
         result = self.batch.step(actions, begins)
         observation, infos = result.observation, {}
         ended = result.terminated | result.truncated

@@ -152,7 +152,7 @@ def _judge(fields, discs, carrot, i, speeds, limits, arcs, weights):
     for k in range(steps):
         v = next_speed(v, v_aim, keep, limits[2] * dt)
         w = next_speed(w, w_aim, keep, limits[3] * dt)
-        x, y, cos, sin = arc(x, y, cos, sin, v, w, dt)
+        x, y, cos, sin = arc(x, y, cos, sin, v, 0.0, w, dt)
         here = clearance_at(fields, discs, i, x, y, cos, sin)
         least = min(least, here)
         # A robot that is close already may move away.

@@ -103,7 +103,7 @@ class GuidedPlanner(ScanPlanner):
         applied: ArrayLike | None = None,
         pose: ArrayLike | None = None,
     ) -> FloatArray:
-        """Return (v, w) [m/s, rad/s]; see ``TimedPolicy.act``. What was applied does not matter.
+        """Return commands; see ``TimedPolicy.act``. What was applied does not matter.
 
         After a pause maps begin anew, unless odometry tells how far the robots came.
 

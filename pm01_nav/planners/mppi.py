@@ -185,7 +185,7 @@ def _roll_out(plan, noise, std, fields, discs, carrot, velocity, limits, weights
         w_aim = min(max(plan[i, t, 1] + noise[k, t, 1], -w_max), w_max)
         v += min(max(v_aim - v, -v_change), v_change)
         w += min(max(w_aim - w, -w_change), w_change)
-        x, y, cos, sin = arc(x, y, cos, sin, v, w, dt)
+        x, y, cos, sin = arc(x, y, cos, sin, v, 0.0, w, dt)
         here = clearance_at(fields, discs, i, x, y, cos, sin)
         if here < min(margin, start):
             cost += collision

@@ -127,7 +127,7 @@ def _is_free(fields, discs, i, command, scale, reach):
     # A robot that is close already may move away.
     least = min(margin, clearance_at(fields, discs, i, x, y, cos, sin))
     for _ in range(STEPS):
-        x, y, cos, sin = arc(x, y, cos, sin, v, w, dt)
+        x, y, cos, sin = arc(x, y, cos, sin, v, 0.0, w, dt)
         if clearance_at(fields, discs, i, x, y, cos, sin) < least:
             return False
     return True

@@ -17,7 +17,6 @@ from stable_baselines3.common.policies import BasePolicy
 from pm01_nav.config import write_atomically
 from pm01_nav.policy.actors import actor_of
 from pm01_nav.policy.network_policy import NetworkPolicy
-from pm01_nav.policy.onnx_file import set_metadata
 from pm01_nav.policy.onnx_policy import FORMAT
 from pm01_nav.robot import RobotSpec
 from pm01_nav.task.observation import ObservationLayout
@@ -61,12 +60,10 @@ class DeployedPolicy(torch.nn.Module):
         self.actor = actor_of(policy)
         self.memory_size = self.actor.memory_size
         divisors = layout.scale if layout.normalize else [1.0] * layout.size
-        limits = layout.limits
-        low = [limits.linear_min, -limits.angular_max]
-        high = [limits.linear_max, limits.angular_max]
+        low, high = torch.tensor([layout.drive.low.tolist(), layout.drive.high.tolist()])
         self.register_buffer("scale", torch.tensor(divisors))
-        self.register_buffer("low", torch.tensor(low))
-        self.register_buffer("half_range", 0.5 * (torch.tensor(high) - torch.tensor(low)))
+        self.register_buffer("low", low)
+        self.register_buffer("half_range", 0.5 * (high - low))
         self.clip = statistics.clip if statistics else None
         if statistics:
             mean = statistics.mean[: layout.size].astype(np.float32)
@@ -75,7 +72,7 @@ class DeployedPolicy(torch.nn.Module):
             self.register_buffer("deviation", torch.from_numpy(deviation.astype(np.float32)))
 
     def forward(self, observation: torch.Tensor, memory: torch.Tensor | None = None) -> Any:
-        """Return commands (n, 2) for observations (n, size).
+        """Return commands (n, axes) for observations (n, size).
 
         An actor that remembers is given its memory (n, memory_size), zeros at first, and the new
         memory is returned, too.
@@ -134,6 +131,8 @@ def export_policy(
     statistics: ObservationStatistics | None = None,
 ) -> None:
     """Write ``path``; the file never exists half written."""
+    from pm01_nav.policy.onnx_file import set_metadata  # onnx is needed here alone
+
     module = DeployedPolicy(policy, layout, statistics).eval()
     inputs, outputs = ["observation"], ["command"]
     examples = [torch.zeros(2, layout.size)]

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.arrays import NUMPY
-from pm01_nav.policy.inputs import check_scan, finite_pair
+from pm01_nav.policy.inputs import check_scan, finite_numbers, finite_pair
 from pm01_nav.policy.step_timer import StepTimer
 from pm01_nav.task.observation import ObservationLayout, Observer
 from pm01_nav.task.parts import Memory, ObservationPart, Seen
 from pm01_nav.task.scans import discard_invalid
 
 Network = Callable[..., Any]
-"""Observations in physical units (n, size) -> commands (n, 2) [m/s, rad/s].
+"""Observations in physical units (n, size) -> commands (n, axes) [m/s, rad/s].
 
 A network that remembers is given its memory (n, memory_size) as well, zeros at first, and returns
 commands and memory.
@@ -77,15 +77,15 @@ class NetworkPolicy:
         applied: ArrayLike | None = None,
         pose: ArrayLike | None = None,
     ) -> NDArray[np.float64]:
-        """Return the next command (v, w) [m/s, rad/s]; one robot, or a leading batch dimension.
+        """Return the next command (..., axes) [m/s, rad/s], of one robot or many.
 
         ``scan`` (..., num_beams): raw ranges [m] by REP-117 (+inf no return, -inf too close, NaN
-        invalid). ``goal`` (..., 2): x forward and y left in base_link [m]. ``velocity`` (..., 2):
-        measured v and w [m/s, rad/s].
+        invalid). ``goal`` (..., 2): x forward and y left in base_link [m]. ``velocity``
+        (..., axes): measured v and w, or vx, vy and w [m/s, rad/s].
 
         On a robot the rest tells its memory what went on since the last call. ``now``: the time, by
-        any clock that does not jump [s]; without it ``control_dt`` went by. ``applied`` (..., 2):
-        the command that the robot was given [m/s, rad/s]; without it that was the last answer.
+        any clock that does not jump [s]; without it ``control_dt`` went by. ``applied``
+        (..., axes): the command that the robot was given; without it that was the last answer.
         ``pose`` (..., 3): by odometry [m, m, rad]; without it ``velocity`` tells how far it came.
 
         Raises:
@@ -94,10 +94,13 @@ class NetworkPolicy:
         """
         ranges = check_scan(scan, self.layout.scan)
         goal = finite_pair(goal, "goal")
-        shape = goal.shape
+        axes = self.layout.drive.size
+        shape = (*goal.shape[:-1], axes)
         if applied is not None:
-            applied = np.broadcast_to(finite_pair(applied, "applied"), shape).reshape(-1, 2)
-        velocity = np.broadcast_to(finite_pair(velocity, "velocity"), shape).reshape(-1, 2)
+            applied = finite_numbers(applied, "applied", axes)
+            applied = np.broadcast_to(applied, shape).reshape(-1, axes)
+        velocity = finite_numbers(velocity, "velocity", axes)
+        velocity = np.broadcast_to(velocity, shape).reshape(-1, axes)
         ranges = np.broadcast_to(ranges, (*shape[:-1], ranges.shape[-1]))
         ranges = ranges.reshape(-1, ranges.shape[-1])
         x, y = goal.reshape(-1, 2).T
@@ -114,7 +117,7 @@ class NetworkPolicy:
         ranges = discard_invalid(ranges, self.layout.scan)
         observation = self._observe(Seen(ranges, polar, velocity, previous, elapsed))
         command = self._answer(observation).astype(np.float64)
-        self._previous = self.layout.limits.to_action(command)
+        self._previous = self.layout.drive.to_action(command)
         return command.reshape(shape)
 
     def _observe(self, seen: Seen) -> NDArray[np.float32]:
@@ -133,10 +136,11 @@ class NetworkPolicy:
     def _previous_action(
         self, count: int, applied: NDArray[np.float64] | None, begins: bool
     ) -> NDArray[np.float64]:
-        """Return what each robot was given last as an action in [-1, 1], (count, 2)."""
+        """Return what each robot was given last as an action in [-1, 1], (count, axes)."""
         if applied is None:
-            return np.zeros((count, 2)) if self._previous is None else self._previous
-        action = self.layout.limits.to_action(applied)
+            nothing = np.zeros((count, self.layout.drive.size))
+            return nothing if self._previous is None else self._previous
+        action = self.layout.drive.to_action(applied)
         if not begins:
             return action
         # A robot at rest begins an episode, where environments show 0.

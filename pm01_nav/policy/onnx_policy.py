@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pm01_nav.drives import Drive
 from pm01_nav.errors import InputError
 from pm01_nav.policy.network_policy import NetworkPolicy
 from pm01_nav.task.observation import ObservationLayout
@@ -60,7 +61,7 @@ class OnnxPolicy(NetworkPolicy):
         Raises:
             InputError: its lidar, its limits or its size are not those of the training.
         """
-        lidar, limits, mine = robot.lidar, robot.limits, self.layout
+        lidar, mine = robot.lidar, self.layout
         mount = self.metadata.get("lidar_mount", [0.0, 0.0, 0.0])
         radius = self.metadata.get("footprint_radius", 0.0)
         pairs = [
@@ -73,9 +74,7 @@ class OnnxPolicy(NetworkPolicy):
             ("lidar.y", mount[1], lidar.y),
             ("lidar.yaw", mount[2], lidar.yaw),
             ("footprint's radius", radius, robot.footprint.circumscribed_radius),
-            ("limits.linear_min", mine.limits.linear_min, limits.linear_min),
-            ("limits.linear_max", mine.limits.linear_max, limits.linear_max),
-            ("limits.angular_max", mine.limits.angular_max, limits.angular_max),
+            *self._limits(robot.base),
         ]
         for key, of_policy, of_robot in pairs:
             if abs(of_policy - of_robot) > 1e-4:
@@ -84,6 +83,19 @@ class OnnxPolicy(NetworkPolicy):
                     f"but the policy was trained with {of_policy:g} "
                     f"(robot {self.metadata.get('robot', 'unknown')})"
                 )
+
+    def _limits(self, base: Drive) -> list[tuple[str, float, float]]:
+        """Return the limits of speed: by name, of the training, and of another drive.
+
+        Raises:
+            InputError: it is another kind of drive.
+        """
+        mine = self.layout.drive
+        if mine.name != base.name:
+            raise InputError(f"{self.path}: was trained for the drive {mine.name}, not {base.name}")
+        speeds, others = mine.speeds(), base.speeds()
+        numbers = [name for name, value in speeds.items() if isinstance(value, float)]
+        return [(f"limits.{name}", speeds[name], others[name]) for name in numbers]
 
 
 def _open(path: Path) -> tuple[Any, dict[str, Any]]:

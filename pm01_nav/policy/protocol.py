@@ -14,10 +14,10 @@ class Policy(Protocol):
     """Drive one robot, or many at once when every argument has a leading batch dimension."""
 
     def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> NDArray[np.float64]:
-        """Return the next command (..., 2): v and w [m/s, rad/s].
+        """Return the next command (..., axes): v and w, or vx, vy and w [m/s, rad/s].
 
         ``scan`` (..., num_beams): ranges as the lidar gives them [m]. ``goal`` (..., 2): x forward
-        and y left in base_link [m]. ``velocity`` (..., 2): measured v and w [m/s, rad/s].
+        and y left in base_link [m]. ``velocity`` (..., axes): as measured [m/s, rad/s].
         """
         ...
 
@@ -45,7 +45,7 @@ class TimedPolicy(Policy, Protocol):
     ) -> NDArray[np.float64]:
         """Return the next command, as ``Policy.act`` does.
 
-        ``now`` [s]: the time, by any clock that does not jump. ``applied`` (..., 2): the command
+        ``now`` [s]: the time, by any clock that does not jump. ``applied`` (..., axes): the command
         that the robot was given last [m/s, rad/s]. ``pose`` (..., 3): by odometry [m, m, rad].
         """
         ...

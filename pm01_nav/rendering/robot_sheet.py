@@ -60,7 +60,7 @@ def draw_robot(robot: RobotSpec) -> Image.Image:
 
 def _reach(robot: RobotSpec) -> float:
     """Return how far the robot's parts reach from its origin [m]."""
-    lidar, wheels = robot.lidar, robot.wheels
+    lidar, wheels = robot.lidar, robot.driven_wheels
     wheel = float(np.hypot(0.5 * wheels.separation, wheels.radius))
     return max(robot.footprint.circumscribed_radius, wheel, float(np.hypot(lidar.x, lidar.y)))
 
@@ -89,7 +89,7 @@ def _draw_beams(draw: ImageDraw.ImageDraw, view: View, robot: RobotSpec, far: fl
 
 def _draw_body(draw: ImageDraw.ImageDraw, view: View, robot: RobotSpec) -> None:
     line = 2 * SUPERSAMPLING
-    footprint, wheels = robot.footprint, robot.wheels
+    footprint, wheels = robot.footprint, robot.driven_wheels
     if footprint.shape == "circle":
         x, y = view.origin
         reach = footprint.radius * view.scale

@@ -127,7 +127,7 @@ def _arrays(trace: Trace) -> dict[str, Packed]:
         "angles": quantise(trace.angles, ANGLE_STEP),
         "movers": quantise(trace.movers[:, :, :2], MOVER_STEP),
         "mover_radius": quantise(trace.movers[:, :, 2], MOVER_STEP),
-        "twist": quantise(trace.twist, SPEED_STEP),
+        "twist": quantise(trace.twist[:, [0, -1]], SPEED_STEP),
         "clearance": quantise(trace.clearance, DISTANCE_STEP),
         "discs": quantise(trace.discs, DISTANCE_STEP),
         "segments": quantise(trace.segments, DISTANCE_STEP),

@@ -75,7 +75,7 @@ class CudaSimulator(PlanarSimulator):
     def _allocate(self) -> None:
         """Make room for what a launch reads: commands and the numbers of environments."""
         xp, place = self._on.xp, self._on.place
-        self._command = xp.zeros((self.num_envs, 2), dtype=xp.float64, device=place)
+        self._command = xp.zeros((self.num_envs, self.drive.size), dtype=xp.float64, device=place)
         self._everyone = xp.arange(self.num_envs, dtype=xp.int64, device=place)
         self._chosen = xp.zeros(self.num_envs + THREADS, dtype=xp.int64, device=place)
         self._came_from = xp.zeros((self.num_envs, 3), dtype=xp.float64, device=place)
@@ -136,9 +136,10 @@ class CudaSimulator(PlanarSimulator):
         self.state.rng_count[indices] = 0
 
     def step(self, command: Any) -> None:
-        """Apply velocity commands (num_envs, 2) [m/s, rad/s]; see ``PlanarSimulator``."""
-        if tuple(np.shape(command)) != (self.num_envs, 2):
-            raise ValueError(f"command: shape {np.shape(command)}, needs {(self.num_envs, 2)}")
+        """Apply velocity commands (num_envs, axes) [m/s, rad/s]; see ``PlanarSimulator``."""
+        needed = (self.num_envs, self.drive.size)
+        if tuple(np.shape(command)) != needed:
+            raise ValueError(f"command: shape {np.shape(command)}, needs {needed}")
         self._command[...] = command
         base, _, worlds = self._scene
         if self.errors is not None:

@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from pm01_nav.compilation import compiled
+from pm01_nav.drives import BOX
+from pm01_nav.sim.drive_motion import read_twist, within, write_twist
 from pm01_nav.sim.dynamics import clip
 from pm01_nav.sim.random import uniform
 from pm01_nav.sim.state import BaseParams, CrowdParams, TimeStep
@@ -14,14 +16,15 @@ from pm01_nav.sim.state import BaseParams, CrowdParams, TimeStep
 @compiled
 def begin_commands(errors, i):
     """Forget the commands of the last episode: what is still on its way stands still."""
-    errors.command[i, 0], errors.command[i, 1] = 0.0, 0.0
-    for age in range(errors.command_history.shape[1]):
-        errors.command_history[i, age, 0], errors.command_history[i, age, 1] = 0.0, 0.0
+    for axis in range(errors.command.shape[1]):
+        errors.command[i, axis] = 0.0
+        for age in range(errors.command_history.shape[1]):
+            errors.command_history[i, age, axis] = 0.0
 
 
 @compiled
 def delayed(errors, drawn, i, command, base):
-    """Take in a command (num_envs, 2); return v, w that the base is told in this step.
+    """Take in a command (num_envs, axes); return v, u, w that the base is told in this step.
 
     Within a step in which another command arrives it is the mean of the two, each weighted with the
     time for which it counts, so that the travel is right.
@@ -29,41 +32,39 @@ def delayed(errors, drawn, i, command, base):
     history = errors.command_history
     whole = int(drawn.command_delay[i])
     part = drawn.command_delay[i] - whole
-    linear, angular = command[i, 0], command[i, 1]
+    v, u, w = read_twist(command, i)
     if whole > 0:
-        linear, angular = history[i, whole - 1, 0], history[i, whole - 1, 1]
-    linear, angular = within(linear, angular, base)
+        v, u, w = read_twist(history[i], whole - 1)
+    v, u, w = within(v, u, w, base)
     if part > 0.0:
-        before = within(history[i, whole, 0], history[i, whole, 1], base)
-        linear += part * (before[0] - linear)
-        angular += part * (before[1] - angular)
-    for age in range(history.shape[1] - 1, 0, -1):
-        history[i, age, 0], history[i, age, 1] = history[i, age - 1, 0], history[i, age - 1, 1]
-    history[i, 0, 0], history[i, 0, 1] = command[i, 0], command[i, 1]
-    return linear, angular
-
-
-@compiled
-def within(linear, angular, base):
-    """Return v, w kept within the limits of the base."""
-    linear = clip(linear, base.linear_min, base.linear_max)
-    return linear, clip(angular, -base.angular_max, base.angular_max)
+        v_before, u_before, w_before = read_twist(history[i], whole)
+        before = within(v_before, u_before, w_before, base)
+        v += part * (before[0] - v)
+        u += part * (before[1] - u)
+        w += part * (before[2] - w)
+    for axis in range(history.shape[2]):
+        for age in range(history.shape[1] - 1, 0, -1):
+            history[i, age, axis] = history[i, age - 1, axis]
+        history[i, 0, axis] = command[i, axis]
+    return v, u, w
 
 
 @compiled
 def drive(errors, drawn, i, command, base, key, count):
     """Write into ``errors.command`` the twist that the wheels really aim at.
 
-    The controller turns (v, w) into wheel speeds with the nominal radius and separation; the
-    ground turns them back with the true ones. The nominal radius cancels.
+    The controller turns v and w into wheel speeds with the nominal radius and separation; the
+    ground turns them back with the true ones. The nominal radius cancels. What goes sideways is
+    driven by both sides alike, as on Mecanum wheels.
     """
-    linear, angular = delayed(errors, drawn, i, command, base)
-    across = 0.5 * base.wheel_separation * angular
-    left, right = linear - across, linear + across
-    left *= drawn.wheel_left_factor[i] * grip(drawn, i, key, count)
-    right *= drawn.wheel_right_factor[i] * grip(drawn, i, key, count)
+    v, u, w = delayed(errors, drawn, i, command, base)
+    across = 0.5 * base.wheel_separation * w
+    left_share = drawn.wheel_left_factor[i] * grip(drawn, i, key, count)
+    right_share = drawn.wheel_right_factor[i] * grip(drawn, i, key, count)
+    left, right = (v - across) * left_share, (v + across) * right_share
     separation = base.wheel_separation * drawn.wheel_separation_factor[i]
-    errors.command[i, 0], errors.command[i, 1] = 0.5 * (left + right), (right - left) / separation
+    v, u = 0.5 * (left + right), 0.5 * (left_share + right_share) * u
+    write_twist(errors.command, i, v, u, (right - left) / separation)
 
 
 @compiled
@@ -81,10 +82,13 @@ def true_base(drawn, i, base):
     It has no limits of speed: commands are kept within the nominal ones before the wheels' errors.
     """
     return BaseParams(
+        BOX,
         -np.inf,
         np.inf,
         np.inf,
+        np.inf,
         base.linear_acceleration * drawn.acceleration_factor[i],
+        base.lateral_acceleration * drawn.acceleration_factor[i],
         base.angular_acceleration * drawn.acceleration_factor[i],
         base.radius,
         base.vertices,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Differential-drive motion: lag, limits, and arcs that are exact for a constant twist."""
+"""Motion in the plane: lag, limits, and arcs that are exact for a constant twist."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ def wrap(angle):
 
 
 @compiled
-def arc(x, y, cos, sin, v, w, dt):
+def arc(x, y, cos, sin, v, u, w, dt):
     """Move along the arc of a constant twist; return x, y and the new heading's cos, sin.
 
-    The chord of an arc of angle 2 a has length v dt sin(a) / a and leads a away from the heading.
+    ``v`` leads forwards and ``u`` to the left. The chord of an arc of angle 2 a is sin(a) / a as
+    long as the way, and leads a away from it.
     """
     a = 0.5 * w * dt
     if abs(a) < 0.1:
@@ -51,7 +52,8 @@ def arc(x, y, cos, sin, v, w, dt):
     else:
         sin_a, cos_a = np.sin(a), np.cos(a)
         sin_over_a = sin_a / a
-    chord = v * dt * sin_over_a
+    ahead, left = v * dt * sin_over_a, u * dt * sin_over_a
     along_cos, along_sin = cos * cos_a - sin * sin_a, sin * cos_a + cos * sin_a
-    x, y = x + chord * along_cos, y + chord * along_sin
+    x += ahead * along_cos - left * along_sin
+    y += ahead * along_sin + left * along_cos
     return x, y, along_cos * cos_a - along_sin * sin_a, along_sin * cos_a + along_cos * sin_a

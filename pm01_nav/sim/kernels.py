@@ -12,7 +12,8 @@ from numba import prange
 
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.collision import clearance, polar
-from pm01_nav.sim.dynamics import arc, clip, next_speed, wrap
+from pm01_nav.sim.drive_motion import next_twist, read_twist, within, write_twist
+from pm01_nav.sim.dynamics import arc, wrap
 from pm01_nav.sim.lidar import add_noise, cast_scan, nearest_in_sectors
 from pm01_nav.sim.movers import cast_movers, mover_clearance
 from pm01_nav.sim.path_distance import read_distance, spread_distance
@@ -27,7 +28,7 @@ GOAL_DRAWS = 256
 
 @compiled(parallel=True)
 def step_batch(state, command, base, lidar, worlds, time, trail):
-    """Apply one command (num_envs, 2) [m/s, rad/s] to every environment for a control step."""
+    """Apply one command (num_envs, axes) [m/s, rad/s] to every environment for a control step."""
     num_envs = state.pose.shape[0]
     for chunk in prange((num_envs + CHUNK - 1) // CHUNK):
         begin, end = chunk * CHUNK, min((chunk + 1) * CHUNK, num_envs)
@@ -64,20 +65,20 @@ def move(state, i, command, base, worlds, time, drift):
 
     ``drift`` is the speed of the fastest mover [m/s], all of which have made their step already.
     """
-    linear = clip(command[i, 0], base.linear_min, base.linear_max)
-    angular = clip(command[i, 1], -base.angular_max, base.angular_max)
+    v, u, w = read_twist(command, i)
+    target = within(v, u, w, base)
     x, y, yaw = state.pose[i, 0], state.pose[i, 1], state.pose[i, 2]
-    v, w = state.twist[i, 0], state.twist[i, 1]
+    v, u, w = read_twist(state.twist, i)
     cos, sin = state.heading[i, 0], state.heading[i, 1]
     # No point of the footprint can come nearer than `slack` to an obstacle unseen.
     slack = state.clearance[i]
     state.contact[i] = False
     for n in range(time.substeps):
-        v_next = next_speed(v, linear, time.lag_keep, base.linear_acceleration * time.dt)
-        w_next = next_speed(w, angular, time.lag_keep, base.angular_acceleration * time.dt)
-        v_mean, w_mean = 0.5 * (v + v_next), 0.5 * (w + w_next)
-        x_next, y_next, cos_next, sin_next = arc(x, y, cos, sin, v_mean, w_mean, time.dt)
-        slack -= (abs(v_mean) + abs(w_mean) * base.radius + drift) * time.dt
+        v_next, u_next, w_next = next_twist(v, u, w, target, base, time)
+        v_mean, u_mean, w_mean = 0.5 * (v + v_next), 0.5 * (u + u_next), 0.5 * (w + w_next)
+        x_next, y_next, cos_next, sin_next = arc(x, y, cos, sin, v_mean, u_mean, w_mean, time.dt)
+        speed = abs(v_mean) + abs(u_mean)  # or less
+        slack -= (speed + abs(w_mean) * base.radius + drift) * time.dt
         if slack <= 0.0:
             slack = clearance(x_next, y_next, cos_next, sin_next, base, worlds, state.world[i])
             if state.mover_count[i] > 0:
@@ -88,15 +89,16 @@ def move(state, i, command, base, worlds, time, drift):
                 )
             if slack <= 0.0:
                 state.contact[i] = True
-                v, w = 0.0, 0.0
+                v, u, w = 0.0, 0.0, 0.0
                 break
-        x, y, cos, sin, v, w = x_next, y_next, cos_next, sin_next, v_next, w_next
+        x, y, cos, sin = x_next, y_next, cos_next, sin_next
+        v, u, w = v_next, u_next, w_next
         yaw += w_mean * time.dt
     yaw = wrap(yaw)
     state.pose[i, 0], state.pose[i, 1], state.pose[i, 2] = x, y, yaw
     # Afresh from the yaw: products of many small turns would drift from it.
     state.heading[i, 0], state.heading[i, 1] = np.cos(yaw), np.sin(yaw)
-    state.twist[i, 0], state.twist[i, 1] = v, w
+    write_twist(state.twist, i, v, u, w)
 
 
 @compiled(inline=False)
@@ -197,5 +199,5 @@ def place(state, i, x, y, worlds, goal_distance):
         yaw = wrap(worlds.start_yaw[w])
     state.pose[i, 0], state.pose[i, 1], state.pose[i, 2] = x, y, yaw
     state.heading[i, 0], state.heading[i, 1] = np.cos(yaw), np.sin(yaw)
-    state.twist[i, 0], state.twist[i, 1] = 0.0, 0.0
+    write_twist(state.twist, i, 0.0, 0.0, 0.0)
     state.contact[i] = False

@@ -13,6 +13,7 @@ import numpy as np
 
 from pm01_nav.compilation import compiled
 from pm01_nav.sim.collision import polar, to_base
+from pm01_nav.sim.drive_motion import read_twist, write_twist
 from pm01_nav.sim.dynamics import wrap
 from pm01_nav.sim.random import uniform
 
@@ -53,7 +54,7 @@ def measure(state, errors, drawn, i):
     dx, dy = errors.odometry_goal[i, 0] - pose[i, 0], errors.odometry_goal[i, 1] - pose[i, 1]
     distance, bearing = polar(dx, dy, np.cos(pose[i, 2]), np.sin(pose[i, 2]))
     errors.measured_goal[i, 0], errors.measured_goal[i, 1] = distance, bearing
-    v, w = state.twist[i, 0], state.twist[i, 1]
-    errors.measured_twist[i, 0] = drawn.odometry_scale[i] * v
+    v, u, w = read_twist(state.twist, i)
+    scale = drawn.odometry_scale[i]
     drift = drawn.odometry_drift_per_rad[i] * w + drawn.odometry_drift_per_m[i] * v
-    errors.measured_twist[i, 1] = w + drift
+    write_twist(errors.measured_twist, i, scale * v, scale * u, w + drift)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.compilation import compiled
+from pm01_nav.sim.drive_motion import read_twist
 from pm01_nav.sim.orca import avoidance, choose_velocity
 from pm01_nav.sim.random import draw_row, uniform
 from pm01_nav.sim.social_force import RELAXATION, repulsion, wall_repulsion
@@ -188,8 +189,9 @@ def look_around(state, i, k, base, worlds, crowd, bodies, planes, used):
     used[k, 0], used[k, 1] = walls, walls
     px, py = state.pose[i, 0] - x, state.pose[i, 1] - y
     if crowd.avoid_robot and px * px + py * py < NEIGHBOURS * NEIGHBOURS:
-        vx = bodies[VX, k] - state.twist[i, 0] * state.heading[i, 0]
-        vy = bodies[VY, k] - state.twist[i, 0] * state.heading[i, 1]
+        v, u, _ = read_twist(state.twist, i)
+        cos, sin = state.heading[i, 0], state.heading[i, 1]
+        vx, vy = bodies[VX, k] - (v * cos - u * sin), bodies[VY, k] - (v * sin + u * cos)
         reach = bodies[RADIUS, k] + base.radius + COURTESY
         close = reach + 2.0 * crowd.dt * fast
         if px * px + py * py < close * close:

@@ -64,9 +64,9 @@ class ErrorState(NamedTuple):
     dark_key: NDArray[np.uint64]
     """Decides which obstacles are dark in the present episode, shape (num_envs,)."""
     command: FloatArray
-    """v, w that the base aims at, errors of the wheels included [m/s, rad/s], (num_envs, 2)."""
+    """What the base aims at, errors of the wheels included, like ``SimState.twist``."""
     command_history: FloatArray
-    """The latest commands, newest first, as many as may be on their way, (num_envs, n, 2)."""
+    """The latest commands, newest first, as many as may be on their way, (num_envs, n, axes)."""
     odometry_pose: FloatArray
     """Where the robot believes to be: x, y, yaw in the world [m, m, rad], (num_envs, 3)."""
     odometry_goal: FloatArray
@@ -74,7 +74,7 @@ class ErrorState(NamedTuple):
     measured_goal: FloatArray
     """Distance and bearing of the goal as the robot believes [m, rad], shape (num_envs, 2)."""
     measured_twist: FloatArray
-    """v, w as odometry says [m/s, rad/s], shape (num_envs, 2)."""
+    """As odometry says, like ``SimState.twist``."""
     waiting_ranges: NDArray[np.float32]
     """The latest ranges, newest first, as many as may be on their way, side by side: shape
     (num_envs, n x beams of ``ranges``)."""
@@ -84,18 +84,18 @@ class ErrorState(NamedTuple):
     """x, y, cos, sin of the lidar for each part of a scan; used within a step."""
 
 
-def new_errors(num_envs: int, num_beams: int, ranges: Perturbation) -> ErrorState:
+def new_errors(num_envs: int, num_beams: int, axes: int, ranges: Perturbation) -> ErrorState:
     """Return a state of zeros, with room for the longest delays of ``ranges``."""
     commands = max(math.ceil(ranges.command_delay[1]), LEAST_COMMANDS)
     scans = max(math.floor(ranges.scan_delay[1] + 0.5), 1)
     return ErrorState(
         dark_key=np.zeros(num_envs, dtype=np.uint64),
-        command=np.zeros((num_envs, 2)),
-        command_history=np.zeros((num_envs, commands, 2)),
+        command=np.zeros((num_envs, axes)),
+        command_history=np.zeros((num_envs, commands, axes)),
         odometry_pose=np.zeros((num_envs, 3)),
         odometry_goal=np.zeros((num_envs, 2)),
         measured_goal=np.zeros((num_envs, 2)),
-        measured_twist=np.zeros((num_envs, 2)),
+        measured_twist=np.zeros((num_envs, axes)),
         waiting_ranges=np.zeros((num_envs, scans * padded(num_beams)), dtype=np.float32),
         dark_ranges=np.zeros((num_envs, padded(num_beams)), dtype=np.float32),
         slice_pose=np.zeros((num_envs, SLICES, 4)),

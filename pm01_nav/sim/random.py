@@ -7,9 +7,11 @@ on the size of the batch. The mixer is SplitMix64 (Steele, Lea and Flood, OOPSLA
 
 from __future__ import annotations
 
+from functools import cache
+from statistics import NormalDist
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from pm01_nav.compilation import compiled
 
@@ -48,12 +50,15 @@ def draw_row(begin, w, number):
     return begin[w] + int(number * (begin[w + 1] - begin[w]))
 
 
+@cache
 def normal_values() -> NDArray[np.float32]:
     """Return 65536 equally likely values of N(0, 1), shape (65536,).
 
     They are the middles of its quantiles, scaled to a variance of exactly 1; none exceeds 4.4.
     """
-    middles = ndtri((np.arange(65536) + 0.5) / 65536)
+    # From the standard library: scipy takes a tenth of a second to import.
+    lower = [NormalDist().inv_cdf((k + 0.5) / 65536) for k in range(32768)]
+    middles = np.array([*lower, *(-value for value in reversed(lower))])
     return (middles / middles.std()).astype(np.float32)
 
 

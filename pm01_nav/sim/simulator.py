@@ -72,6 +72,7 @@ class PlanarSimulator:
         other, and the robot too if ``pedestrians_avoid_robot``.
         """
         self.robot = robot
+        self.drive = robot.base
         self.pool = pool
         self.num_envs = num_envs
         self.control_dt = control_dt
@@ -80,6 +81,7 @@ class PlanarSimulator:
         sizes = Sizes(
             beams=beams,
             sectors=features.sectors or beams,
+            axes=self.drive.size,
             movers=int(np.diff(arrays.mover_begin).max(initial=0)),
             path_cells=int(np.diff(arrays.way_begin).max()) if features.path_distances else 0,
             trail_capacity=trail.capacity,
@@ -107,8 +109,8 @@ class PlanarSimulator:
 
     def _time_step(self, fastest_factor: float) -> TimeStep:
         """Divide a control step for a robot that goes faster than described by a factor."""
-        limits, lag = self.robot.limits, self.robot.actuator.lag_s
-        fastest = fastest_factor * max(limits.linear_max, -limits.linear_min)
+        lag = self.robot.actuator.lag_s
+        fastest = fastest_factor * self.drive.top_speed
         substeps = max(2, math.ceil(fastest * self.control_dt / MAX_TRAVEL - 1e-9))
         dt = self.control_dt / substeps
         return TimeStep(dt, substeps, math.exp(-dt / lag) if lag > 0.0 else 0.0)
@@ -118,7 +120,7 @@ class PlanarSimulator:
 
         It counts from the next ``reset`` on, which all environments need.
         """
-        self.errors = new_errors(self.num_envs, self.robot.lidar.num_beams, ranges)
+        self.errors = new_errors(self.num_envs, self.robot.lidar.num_beams, self.drive.size, ranges)
         self.drawn = new_perturbation(self.num_envs)
         self._ranges = ranges
         self._time = self._time_step(fastest_factor(ranges))
@@ -144,7 +146,7 @@ class PlanarSimulator:
 
     @property
     def measured_twist(self) -> FloatArray:
-        """The robot's v and w by odometry [m/s, rad/s], shape (num_envs, 2)."""
+        """The robot's twist by odometry, like ``SimState.twist``."""
         return self.state.twist if self.errors is None else self.errors.measured_twist
 
     def true_scan(self) -> NDArray[np.float32]:
@@ -213,7 +215,7 @@ class PlanarSimulator:
         self._run_reset(indices)
 
     def step(self, command: ArrayLike) -> None:
-        """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step.
+        """Apply velocity commands (num_envs, axes) [m/s, rad/s] for one control step.
 
         Raises:
             ValueError: their shape is another one.
@@ -230,8 +232,8 @@ class PlanarSimulator:
             ValueError: their shape is another one.
         """
         command = np.ascontiguousarray(command, dtype=np.float64)
-        if command.shape != (self.num_envs, 2):
-            raise ValueError(f"command: shape {command.shape}, needs {(self.num_envs, 2)}")
+        if command.shape != self.state.twist.shape:
+            raise ValueError(f"command: shape {command.shape}, needs {self.state.twist.shape}")
         return command
 
     def _bind_step(self, command: FloatArray) -> Callable[[FloatArray], None]:

@@ -26,7 +26,7 @@ class SimState(NamedTuple):
     pose: FloatArray
     """x, y, yaw in the world [m, m, rad], shape (num_envs, 3); yaw in [-pi, pi)."""
     twist: FloatArray
-    """v, w in base_link [m/s, rad/s], shape (num_envs, 2)."""
+    """Speed of each of the drive's axes in base_link [m/s, rad/s], shape (num_envs, axes)."""
     goal: FloatArray
     """x, y in the world [m], shape (num_envs, 2)."""
     goal_polar: FloatArray
@@ -92,6 +92,7 @@ class Sizes(NamedTuple):
 
     beams: int
     sectors: int
+    axes: int = 2
     movers: int = 0
     path_cells: int = 0
     trail_capacity: int = 0
@@ -102,7 +103,7 @@ def new_state(num_envs: int, sizes: Sizes) -> SimState:
     """Return a state of zeros."""
     return SimState(
         pose=np.zeros((num_envs, 3)),
-        twist=np.zeros((num_envs, 2)),
+        twist=np.zeros((num_envs, sizes.axes)),
         goal=np.zeros((num_envs, 2)),
         goal_polar=np.zeros((num_envs, 2)),
         heading=np.zeros((num_envs, 2)),
@@ -171,10 +172,14 @@ class Features(NamedTuple):
 class BaseParams(NamedTuple):
     """The robot's base as the kernels read it; see ``RobotSpec`` for meanings and units."""
 
+    envelope: int
+    """How the speeds of the axes limit each other: BOX or ELLIPSE of ``drives``."""
     linear_min: float
     linear_max: float
+    lateral_max: float
     angular_max: float
     linear_acceleration: float
+    lateral_acceleration: float
     angular_acceleration: float
     radius: float
     """Circumscribed radius of the footprint [m]."""
@@ -183,6 +188,7 @@ class BaseParams(NamedTuple):
     edges: FloatArray
     """Outward unit normal and offset of each side: nx*x + ny*y <= d inside, shape (n, 3)."""
     wheel_separation: float
+    """Between what drives on the left and on the right [m]."""
     padding: float
     """What the footprint is larger by, to every side [m]."""
 
@@ -236,17 +242,23 @@ def base_params(robot: RobotSpec) -> BaseParams:
     length = np.maximum(np.linalg.norm(along, axis=1), 1e-12)
     normals = np.stack([along[:, 1] / length, -along[:, 0] / length], axis=-1)
     offsets = (normals * vertices).sum(axis=1)
-    limits = robot.limits
+    radius = robot.footprint.circumscribed_radius
+    drive = robot.base
+    linear_max, lateral_max, angular_max = drive.planar(drive.high).tolist()
+    linear, lateral, angular = drive.planar(drive.acceleration).tolist()
     return BaseParams(
-        linear_min=limits.linear_min,
-        linear_max=limits.linear_max,
-        angular_max=limits.angular_max,
-        linear_acceleration=limits.linear_acceleration,
-        angular_acceleration=limits.angular_acceleration,
-        radius=robot.footprint.circumscribed_radius,
+        envelope=drive.envelope,
+        linear_min=drive.linear_min,
+        linear_max=linear_max,
+        lateral_max=lateral_max,
+        angular_max=angular_max,
+        linear_acceleration=linear,
+        lateral_acceleration=lateral,
+        angular_acceleration=angular,
+        radius=radius,
         vertices=vertices,
         edges=np.concatenate([normals, offsets[:, None]], axis=1),
-        wheel_separation=robot.wheels.separation,
+        wheel_separation=robot.wheels.separation if robot.wheels else 2.0 * radius,
         padding=0.0,
     )
 

@@ -106,13 +106,17 @@ def place_slices(state, errors, drawn, i, x, y, yaw, lidar):
     turn = wrap(state.pose[i, 2] - yaw)
     middle = yaw + 0.5 * turn
     dx, dy = state.pose[i, 0] - x, state.pose[i, 1] - y
-    chord = to_base(dx, dy, np.cos(middle), np.sin(middle))[0]
-    length = chord if abs(turn) < 1e-6 else chord * 0.5 * turn / np.sin(0.5 * turn)
+    ahead, left = to_base(dx, dy, np.cos(middle), np.sin(middle))
+    if abs(turn) >= 1e-6:
+        ahead = ahead * 0.5 * turn / np.sin(0.5 * turn)
+        left = left * 0.5 * turn / np.sin(0.5 * turn)
+    if state.twist.shape[1] < 3:  # What is left is rounding.
+        left = 0.0
     x, y = state.pose[i, 0], state.pose[i, 1]
     cos, sin = state.heading[i, 0], state.heading[i, 1]
     for s in range(slices):
         ago = share * (1.0 - middle_of(s, beams, num_beams))
-        px, py, c, n = arc(x, y, cos, sin, length, turn, -ago)
+        px, py, c, n = arc(x, y, cos, sin, ahead, left, turn, -ago)
         errors.slice_pose[i, s, 0] = px + c * lidar.x - n * lidar.y
         errors.slice_pose[i, s, 1] = py + n * lidar.x + c * lidar.y
         errors.slice_pose[i, s, 2] = c * lidar.mount_cos - n * lidar.mount_sin
@@ -122,7 +126,7 @@ def place_slices(state, errors, drawn, i, x, y, yaw, lidar):
     late = middle_of(slices - 1, beams, num_beams) - reference
     turn = share * max(early, late) * abs(turn)
     arm = np.sqrt(lidar.x * lidar.x + lidar.y * lidar.y)
-    travel = share * max(early, late) * abs(length) + turn * arm
+    travel = share * max(early, late) * (abs(ahead) + abs(left)) + turn * arm
     return Sweep(errors.slice_pose, beams, slices // 2, travel, turn)
 
 

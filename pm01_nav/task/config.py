@@ -14,7 +14,6 @@ from pm01_nav.backends import DEFAULT_GAZEBO, BackendName, GazeboConfig
 from pm01_nav.config import FrozenModel
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, changed_robot, load_robot
 from pm01_nav.sim.state import PedestrianModel
-from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.observation import GoalKind, ObservationLayout, UsualParts
 from pm01_nav.task.parts import make_part
@@ -159,9 +158,8 @@ class TaskConfig(FrozenModel):
 def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayout:
     """Return the contract between this task's environments and the policies trained in them."""
     seen = config.observation
-    lidar, limits = robot.lidar, robot.limits
+    lidar, drive = robot.lidar, robot.base
     geometry = scan_geometry(lidar, min(lidar.range_max, seen.range_max or lidar.range_max))
-    bounds = ActionLimits(limits.linear_min, limits.linear_max, limits.angular_max)
     usual = UsualParts(
         # A lidar of few beams is seen beam by beam.
         sectors=seen.sectors if seen.sectors <= lidar.num_beams else 0,
@@ -172,7 +170,5 @@ def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayou
         trail=seen.trail,
         frames=seen.frames,
     )
-    more = [make_part(name, given, geometry, bounds) for name, given in seen.parts.items()]
-    return ObservationLayout(
-        geometry, bounds, (*usual.made(geometry, bounds), *more), seen.normalize
-    )
+    more = [make_part(name, given, geometry, drive) for name, given in seen.parts.items()]
+    return ObservationLayout(geometry, drive, (*usual.made(geometry, drive), *more), seen.normalize)

@@ -182,7 +182,7 @@ class NavigationBatch:
         simulator = self.simulator
         self.observer = Observer(self.layout, lambda part: part.simulated_memory(simulator, arrays))
         self._count = self._zeros((num_envs,), arrays.xp.int64)
-        self._action = self._zeros((num_envs, 2), arrays.xp.float64)
+        self._action = self._zeros((num_envs, self.layout.drive.size), arrays.xp.float64)
         self._term_sums = self._zeros((len(config.rewards), num_envs), arrays.xp.float64)
 
     def _zeros(self, shape: tuple[int, ...], dtype: Any) -> Any:
@@ -311,7 +311,7 @@ class NavigationBatch:
         """Apply actions; return the step, its rewards by term, and what terminated or timed out."""
         xp = self.arrays.xp
         action = xp.minimum(xp.maximum(action, -1.0), 1.0)
-        step = self.advance(self.layout.limits.to_command(action))
+        step = self.advance(self.layout.drive.to_command(action))
         step.action, step.previous_action = action, self._action
         terms = self.reward_terms(step)
         self._term_sums += terms

@@ -15,11 +15,16 @@ from itertools import accumulate
 from typing import Any, Literal
 
 from pm01_nav.arrays import array_namespace
+from pm01_nav.drives import Drive, drive_from_dict, drive_to_dict
 from pm01_nav.errors import InputError
-from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.parts import Memory, ObservationPart, Seen, make_part
 from pm01_nav.task.parts.goal import GoalBearing, GoalDistance, GoalSinCos
-from pm01_nav.task.parts.motion import AngularVelocity, LinearVelocity, PreviousAction
+from pm01_nav.task.parts.motion import (
+    AngularVelocity,
+    LateralVelocity,
+    LinearVelocity,
+    PreviousAction,
+)
 from pm01_nav.task.parts.scan import Scan
 from pm01_nav.task.parts.trail import Visited
 from pm01_nav.task.scans import ScanGeometry
@@ -29,10 +34,10 @@ GoalKind = Literal["polar", "polar_sin_cos"]
 
 @dataclass(frozen=True)
 class ObservationLayout:
-    """The parts of an observation in order, for robots with one lidar and the same limits."""
+    """The parts of an observation in order, for robots with one lidar and the same drive."""
 
     scan: ScanGeometry
-    limits: ActionLimits
+    drive: Drive
     parts: tuple[ObservationPart, ...]
     normalize: bool = True
     """Whether environments divide each part by its scale; exported policies do so themselves."""
@@ -81,7 +86,7 @@ class ObservationLayout:
         """Return plain data for an exported policy's metadata."""
         return {
             "scan": asdict(self.scan),
-            "limits": asdict(self.limits),
+            "limits": drive_to_dict(self.drive),
             "parts": [{"part": part.name} | _plain(part.parameters()) for part in self.parts],
             "normalize": self.normalize,
         }
@@ -95,22 +100,22 @@ class ObservationLayout:
         """
         try:
             rest = dict(data)
-            lidar, limits = ScanGeometry(**rest.pop("scan")), ActionLimits(**rest.pop("limits"))
+            lidar, drive = ScanGeometry(**rest.pop("scan")), drive_from_dict(rest.pop("limits"))
             if "parts" not in rest:
-                return cls._of_format_1(lidar, limits, rest)
+                return cls._of_format_1(lidar, drive, rest)
             _refuse_unknown(rest, ("parts", "normalize"))
-            parts = tuple(_read_part(row, lidar, limits) for row in rest["parts"])
-            return cls(lidar, limits, parts, rest.get("normalize", True))
+            parts = tuple(_read_part(row, lidar, drive) for row in rest["parts"])
+            return cls(lidar, drive, parts, rest.get("normalize", True))
         except (AttributeError, KeyError, TypeError) as error:
             raise InputError(f"observation layout: {error}") from error
 
     @classmethod
     def _of_format_1(
-        cls, lidar: ScanGeometry, limits: ActionLimits, data: dict[str, Any]
+        cls, lidar: ScanGeometry, drive: Drive, data: dict[str, Any]
     ) -> ObservationLayout:
         _refuse_unknown(data, [*(f.name for f in fields(UsualParts)), "normalize"])
         normalize = data.pop("normalize", True)
-        return cls(lidar, limits, UsualParts(**data).made(lidar, limits), normalize)
+        return cls(lidar, drive, UsualParts(**data).made(lidar, drive), normalize)
 
 
 def _plain(parameters: dict[str, Any]) -> dict[str, Any]:
@@ -125,9 +130,9 @@ def _refuse_unknown(data: Mapping[str, Any], known: Any) -> None:
         raise InputError(f"observation.{unknown[0]}: unknown key")
 
 
-def _read_part(row: dict[str, Any], lidar: ScanGeometry, limits: ActionLimits) -> ObservationPart:
+def _read_part(row: dict[str, Any], lidar: ScanGeometry, drive: Drive) -> ObservationPart:
     parameters = dict(row)
-    return make_part(parameters.pop("part"), parameters, lidar, limits)
+    return make_part(parameters.pop("part"), parameters, lidar, drive)
 
 
 @dataclass(frozen=True)
@@ -144,19 +149,20 @@ class UsualParts:
     frames: Any = None
     """A ``FramesLayout``, likewise."""
 
-    def made(self, lidar: ScanGeometry, limits: ActionLimits) -> tuple[ObservationPart, ...]:
+    def made(self, lidar: ScanGeometry, drive: Drive) -> tuple[ObservationPart, ...]:
         """Return the parts.
 
         Raises:
             InputError: a value is not allowed.
         """
-        robot = lidar, limits
+        robot = lidar, drive
         bearing = GoalBearing if self.goal == "polar" else GoalSinCos
         return (
             Scan(*robot, self.sectors, self.nearness_distance, self.frames),
             GoalDistance(*robot, self.goal_distance_max),
             bearing(*robot),
             LinearVelocity(*robot),
+            *([LateralVelocity(*robot)] if "y" in drive.axes else []),
             AngularVelocity(*robot),
             *([PreviousAction(*robot)] if self.previous_action else []),
             *([Visited(*robot, self.trail)] if self.trail else []),

@@ -43,7 +43,7 @@ class Privileged:
             xp.sin(goal[:, 1]),
             xp.cos(goal[:, 1]),
             twist[:, 0] / REACH,
-            twist[:, 1] / REACH,
+            twist[:, -1] / REACH,
         ]
         shown = xp.zeros((goal.shape[0], self.size), dtype=xp.float32)
         shown[:, : len(columns)] = xp.stack(columns, axis=-1)

@@ -79,13 +79,14 @@ def time(step: Step) -> Any:
 @reward_term
 def turning(step: Step) -> Any:
     """Commanded turn to either side [rad/s]."""
-    return step.xp.abs(step.command[:, 1])
+    return step.xp.abs(step.command[:, -1])
 
 
 @reward_term
 def speed(step: Step) -> Any:
-    """Commanded speed, forwards or backwards [m/s]."""
-    return step.xp.abs(step.command[:, 0])
+    """Commanded speed in any direction [m/s]."""
+    ahead, *aside, _ = (step.command[:, k] for k in range(step.command.shape[1]))
+    return step.xp.hypot(ahead, aside[0]) if aside else step.xp.abs(ahead)
 
 
 @reward_term
@@ -114,7 +115,7 @@ def revisiting(step: Step) -> Any:
 
 @reward_term
 def jerkiness(step: Step) -> Any:
-    """Squared change of the action since the last step, summed over both parts."""
+    """Squared change of the action since the last step, summed over its parts."""
     return step.xp.sum((step.action - step.previous_action) ** 2, axis=-1)
 
 

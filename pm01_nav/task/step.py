@@ -58,9 +58,9 @@ class Step:
     pose: Any
     """x, y, yaw in the world [m, m, rad], shape (num_envs, 3)."""
     twist: Any
-    """v, w in base_link [m/s, rad/s], shape (num_envs, 2)."""
+    """Speed of each of the drive's axes in base_link [m/s, rad/s], shape (num_envs, axes)."""
     command: Any
-    """Commanded v, w [m/s, rad/s], shape (num_envs, 2)."""
+    """The same as commanded, shape (num_envs, axes)."""
     read_scan: Any
     """Function that returns ``scan``; it is cast only where it is asked for."""
     read_mover_gap: Any
@@ -86,9 +86,9 @@ class Step:
     faults: dict[int, str] = field(default_factory=dict)
     """Environments that the simulator lost, with the reason."""
     action: Any = None
-    """Actions in [-1, 1], shape (num_envs, 2)."""
+    """Actions in [-1, 1], shape (num_envs, axes)."""
     previous_action: Any = None
-    """Actions of the step before, zero at first, shape (num_envs, 2)."""
+    """Actions of the step before, zero at first, shape (num_envs, axes)."""
     reached: Any = None
     """Whether the goal was reached, shape (num_envs,)."""
     collided: Any = None

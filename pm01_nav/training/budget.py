@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 
+from pm01_nav.compilation import seconds_compiling
 from pm01_nav.training.config import RunConfig
 
 
@@ -12,9 +13,15 @@ class Budget:
     """How much of a run's steps and seconds is spent."""
 
     def __init__(self, config: RunConfig, started_at: float, spent_before: float = 0.0) -> None:
-        """Count seconds from ``started_at`` (``perf_counter``) on top of ``spent_before``."""
+        """Count seconds from ``started_at`` (``perf_counter``) on top of ``spent_before``.
+
+        What is compiled from now on is compiled once for all runs, and not counted.
+        """
         self._steps, self._seconds = config.train.steps, config.train.time_budget
         self._started_at = started_at - spent_before
+        self._compiled_before = seconds_compiling()
+        self.compiled_elsewhere = 0.0
+        """Seconds that were spent compiling for another device than the CPU."""
         self.steps_done = 0
         self.learning_since = 0.0
         """Seconds that were spent when learning began."""
@@ -22,7 +29,12 @@ class Budget:
     @property
     def seconds(self) -> float:
         """Seconds spent so far."""
-        return time.perf_counter() - self._started_at
+        return time.perf_counter() - self._started_at - self.compiled
+
+    @property
+    def compiled(self) -> float:
+        """Seconds that were spent compiling since the budget was made."""
+        return seconds_compiling() - self._compiled_before + self.compiled_elsewhere
 
     def fraction(self) -> float:
         """Return the spent part of what runs out first, 0 to 1 and beyond."""

@@ -104,6 +104,7 @@ class IntrinsicReward(VecEnvWrapper):
         """Wrap ``venv``; ``name`` is that of the logged metrics."""
         super().__init__(venv)
         assert venv.observation_space.shape is not None
+        assert venv.action_space.shape is not None
         self.name, self.module, self.config = name, module, config
         self.metrics: dict[str, float] = {}
         """What the last round of learning found."""
@@ -113,7 +114,7 @@ class IntrinsicReward(VecEnvWrapper):
         self._spread = RunningMeanStd(shape=())
         self._random = np.random.default_rng(seed)
         self._before = np.zeros((venv.num_envs, *venv.observation_space.shape), dtype=np.float32)
-        self._actions = np.zeros((venv.num_envs, 2), dtype=np.float32)
+        self._actions = np.zeros((venv.num_envs, *venv.action_space.shape), dtype=np.float32)
         self._kept: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         self._given: list[float] = []
 

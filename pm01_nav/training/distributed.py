@@ -44,7 +44,7 @@ class DistributedPPO(PPO):
             **update_arguments(settings),
         )
         self.observation_space = network_space(settings, batch.layout)
-        self.action_space = action_space()
+        self.action_space = action_space(batch.layout)
         self.n_envs = batch.num_envs
         self._setup_model()
         self._config, self._batch, self._host = config, batch, host

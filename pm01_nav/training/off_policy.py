@@ -62,7 +62,7 @@ class OffPolicy:
         make: Any = self._policy_class(config)
         return make(
             network_space(config, layout),
-            action_space(),
+            action_space(layout),
             lambda _: config.learning_rate,
             **self._policy_arguments(config, layout),
         )

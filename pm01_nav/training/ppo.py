@@ -65,7 +65,7 @@ def make_policy(config: PPOConfig, layout: ObservationLayout) -> ActorCriticPoli
     """Build the policy alone, with fresh weights."""
     return policy_class(config)(
         network_space(config, layout),
-        action_space(),
+        action_space(layout),
         lambda _: config.learning_rate,
         **policy_arguments(config, layout),
     )

@@ -66,7 +66,7 @@ class PPOLSTMAlgorithm:
         """Build the policy alone, with fresh weights."""
         return policy_class(config)(
             network_space(config, layout),
-            action_space(),
+            action_space(layout),
             lambda _: config.learning_rate,
             **recurrent_arguments(config, layout),
         )

@@ -109,20 +109,21 @@ class Gaussian(GaussianDistribution):
     """
 
     def sample(self) -> torch.Tensor:
-        """Draw actions (num_envs, 2)."""
+        """Draw actions (num_envs, axes)."""
         return self.mean + self.std * torch.randn_like(self.mean)
 
 
 def make_algorithm(config: PPOConfig, batch: NavigationBatch, device: torch.device) -> PPO:
     """Return rsl_rl's PPO with the settings that SB3's has from the same configuration."""
     example = _grouped(torch.zeros(batch.num_envs, batch.layout.size, device=device))
+    axes = batch.layout.drive.size
     sets = {"actor": [GROUP], "critic": [GROUP]}
     network = {"hidden_dims": list(config.net_arch), "activation": config.activation}
     spread: dict[str, Any] = {"class_name": Gaussian, "init_std": math.exp(config.log_std_init)}
     spread["std_type"] = "log"
-    actor = MLPModel(example, sets, "actor", 2, **network, distribution_cfg=spread)
+    actor = MLPModel(example, sets, "actor", axes, **network, distribution_cfg=spread)
     critic = MLPModel(example, sets, "critic", 1, **network)
-    storage = RolloutStorage("rl", batch.num_envs, config.n_steps, example, [2], str(device))
+    storage = RolloutStorage("rl", batch.num_envs, config.n_steps, example, [axes], str(device))
     return PPO(
         actor,
         critic,

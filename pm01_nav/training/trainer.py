@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -40,8 +39,8 @@ from pm01_nav.training.supervision import Progress, Supervision, TrainResult
 from pm01_nav.training.tracking import check_tracking, make_logger, record_session
 from pm01_nav.worlds.suites import world_source_of
 
-COMPILED_WITHIN_S = 3.0
-"""Loading compiled kernels takes less than this."""
+LOADED_WITHIN_S = 3.0
+"""Loading compiled kernels takes less than this on a GPU."""
 
 
 def train(
@@ -70,18 +69,15 @@ def train(
         folder.check_free(force=force)
     arrays = arrays_on(config.train.device)
     data = load_checkpoint(folder.last) if resume and folder.last.exists() else None
-    compiled = _compiling(warm_up)
+    budget = Budget(config, started_at, data["extra"]["seconds"] if data else 0.0)
     batch, curriculum = _environments(config, arrays)
-    # Worlds that move and robots with errors have kernels of their own.
-    if isinstance(batch, NavigationBatch):
-        compiled += _compiling(lambda: _try_out(batch))
+    _load_kernels(batch, budget)
     host = make_host(ray)
     check_tracking(config)
     chosen = config.train.hyperparameters
     threads = choose_threads(
         config.train.threads, chosen.batch_size, batch.layout.size, chosen.net_arch
     )
-    budget = Budget(config, started_at + compiled, data["extra"]["seconds"] if data else 0.0)
     learns_by = chosen.implementation()
     supervision = Supervision(config, folder, batch, curriculum, budget, progress, learns_by)
     model = _learner(config, batch, budget, host)
@@ -97,7 +93,7 @@ def train(
         progress.started(f"{folder.path}: has no checkpoint yet; the same run begins anew")
     record_session(config, folder)
     model.set_logger(make_logger(config, folder))
-    _announce(progress, compiled, threads)
+    _announce(progress, budget.compiled, threads)
     if data is None:
         budget.learning_since = budget.seconds
     _learn(model, supervision, fresh=data is None)
@@ -181,8 +177,8 @@ def _learner(config: RunConfig, batch: Batch, budget: Budget, host: Host) -> Any
 
 
 def _announce(progress: Progress, compiled: float, threads: ThreadChoice) -> None:
-    """Say how the run was set up; ``compiled`` is how long that took [s]."""
-    if compiled:
+    """Say how the run was set up; ``compiled`` is how long compiling took [s]."""
+    if compiled >= 1.0:
         progress.started(f"compiled the simulator in {compiled:.0f} s, once; not counted")
     progress.started(f"learner threads: {threads.threads} ({threads.reason})")
 
@@ -235,18 +231,20 @@ def export_best(folder: RunFolder, config: RunConfig, path: Any = None) -> None:
     export_policy(policy, layout, metadata, path or folder.policy, statistics)
 
 
-def _compiling(run: Callable[[], None]) -> float:
-    """Run what may have to be compiled; return how long it took [s], 0 if it was there."""
-    began = time.perf_counter()
-    run()
-    seconds = time.perf_counter() - began
-    return seconds if seconds > COMPILED_WITHIN_S else 0.0
-
-
-def _try_out(batch: NavigationBatch) -> None:
-    """Reset and step once; the learner's own reset begins everything anew."""
+def _load_kernels(batch: Batch, budget: Budget) -> None:
+    """Load the kernels of a batch; where one had to be compiled, compile all others as well."""
+    if isinstance(batch, RemoteBatch):
+        warm_up()  # Here once, and not in each worker.
+        return
+    before = budget.seconds
+    # The learner's own reset begins everything anew.
     batch.reset(np.arange(batch.num_envs))
-    batch.step(batch.arrays.from_numpy(np.zeros((batch.num_envs, 2))))
+    batch.step(batch.arrays.from_numpy(np.zeros((batch.num_envs, batch.layout.drive.size))))
+    seconds = budget.seconds - before
+    if batch.arrays.device != "cpu" and seconds > LOADED_WITHIN_S:
+        budget.compiled_elsewhere = seconds
+    if budget.compiled > 0.0:
+        warm_up()
 
 
 @contextmanager

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pm01_nav.errors import InputError
 from pm01_nav.worlds import barn
@@ -38,6 +37,8 @@ def read_barn_grid(path: str | Path) -> World:
     Raises:
         InputError: the file is no such array.
     """
+    from scipy import ndimage
+
     path = Path(path)
     match = re.fullmatch(r"grid_(-?[0-9]{1,9})\.npy", path.name)
     if match is None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pm01_nav.compilation import compiled
 from pm01_nav.worlds.grid import OccupancyGrid, coarsened
@@ -32,6 +31,8 @@ class FreeSpace:
 
     def regions(self) -> NDArray[np.int32]:
         """Number the connected regions from 1; 0 is not free. Same shape as ``free``."""
+        from scipy import ndimage
+
         labels = np.zeros(self.free.shape, dtype=np.int32)
         ndimage.label(self.free, output=labels)
         return labels
@@ -227,6 +228,8 @@ def distance_to_occupied(grid: OccupancyGrid) -> NDArray[np.float32]:
 
     Shape (height, width); a large number where no cell is solid.
     """
+    from scipy import ndimage
+
     if not grid.occupied.any():
         return np.full(grid.occupied.shape, 1e6, dtype=np.float32)
     return np.asarray(ndimage.distance_transform_edt(grid.occupied == 0), dtype=np.float32)

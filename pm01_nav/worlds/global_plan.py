@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
 
 from pm01_nav.compilation import compiled
 from pm01_nav.errors import InputError
@@ -49,6 +48,8 @@ def inflate(space: FreeSpace, radius: float) -> Costmap:
     It falls from ``INFLATION_WEIGHT`` to nothing, with the square of the distance that is left
     to ``INFLATION_DISTANCE``. ``radius`` [m] is the one that ``space`` was rasterised for.
     """
+    from scipy import ndimage
+
     if space.free.all():
         return Costmap(space, np.zeros(space.free.shape, dtype=np.float32), radius)
     distance = space.resolution * np.asarray(ndimage.distance_transform_edt(space.free))

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.free_space import FreeSpace, free_space
@@ -87,6 +86,8 @@ class _Enclosure:
 
 def _enclosure(world: World) -> _Enclosure | None:
     """Return what walls enclose, None if it is next to nothing."""
+    from scipy import ndimage
+
     grid = world.grid if world.grid is not None and world.grid.closed else None
     opened = None if grid is None else _opened(grid)
     if opened is not None and (_edge(opened.occupied) == 0).mean() < LEAST_OPEN:

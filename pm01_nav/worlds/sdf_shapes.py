@@ -10,7 +10,6 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from pm01_nav.errors import InputError
 from pm01_nav.worlds.sdf_pose import FloatArray, Transform, numbers, positive
@@ -200,6 +199,8 @@ def _width(points: FloatArray) -> float:
 
 
 def _hull(points: FloatArray) -> FloatArray:
+    from scipy.spatial import ConvexHull, QhullError  # slow to import
+
     try:
         return points[ConvexHull(points).vertices]
     except (QhullError, ValueError):

@@ -17,7 +17,6 @@ from pm01_nav.deploy.safety import Reason, SafetyConfig
 from pm01_nav.deploy.simulated_robot import SimulatedRobot
 from pm01_nav.errors import InputError
 from pm01_nav.planners import make_planner
-from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.observation import ObservationLayout, UsualParts
 from pm01_nav.task.randomization import RandomizationConfig
 from pm01_nav.task.scans import scan_geometry
@@ -253,12 +252,8 @@ def test_what_a_policy_sees_can_be_drawn(robot, make_scan):
         policy, robot, geometry, control_dt=0.1, goal_radius=0.3, safety=SafetyConfig()
     )
     assert controller.beams().shape == (0, 2, 2)
-    limits = ActionLimits(
-        robot.limits.linear_min, robot.limits.linear_max, robot.limits.angular_max
-    )
-    policy.layout = ObservationLayout(
-        geometry, limits, UsualParts(sectors=4).made(geometry, limits)
-    )
+    parts = UsualParts(sectors=4).made(geometry, robot.base)
+    policy.layout = ObservationLayout(geometry, robot.base, parts)
     controller.see_scan(make_scan(5.0, 2.0), 5.0)
     lines = controller.beams()
     # Four sectors of 90 beams, one a degree, from behind on: their middles look 44.5 deg further.

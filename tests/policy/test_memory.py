@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from pm01_nav.drives import DifferentialDrive
 from pm01_nav.errors import InputError
 from pm01_nav.policy.network_policy import NetworkPolicy
-from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.observation import ObservationLayout, UsualParts
 from pm01_nav.task.scans import ScanGeometry
@@ -18,7 +18,7 @@ from pm01_nav.task.trail import TrailLayout
 
 GOAL, REST, ANSWER = (3.0, 0.0), (0.0, 0.0), (0.125, 0.75)
 GEOMETRY = ScanGeometry(4, -math.pi, math.pi / 2, 0.1, 10.0)
-LIMITS = ActionLimits(-0.2, 0.5, 1.5)
+DRIVE = DifferentialDrive(-0.2, 0.5, 1.5)
 TRAIL = TrailLayout(sectors=4, interval_steps=2, capacity=8, reach=2.0, near=0.5)
 # 4 beams, two earlier scans of 4, distance, sine, cosine, v, w; last action; 4 sectors, familiarity
 EARLIER, ACTION, VISITED = [4, 8], slice(17, 19), slice(19, 23)
@@ -30,7 +30,7 @@ class Seen:
     def __init__(self) -> None:
         frames = FramesLayout(count=2, interval_steps=2)
         parts = UsualParts(nearness_distance=0.0, trail=TRAIL, frames=frames)
-        layout = ObservationLayout(GEOMETRY, LIMITS, parts.made(GEOMETRY, LIMITS))
+        layout = ObservationLayout(GEOMETRY, DRIVE, parts.made(GEOMETRY, DRIVE))
         self.observations, self.memories = [], []
         self.policy = NetworkPolicy(layout, self._network, 0.1, memory_size=1)
 

@@ -99,7 +99,7 @@ def test_file_answers_like_torch(exported: Exported) -> None:
     found = session.run(None, {"observation": observations})[0]
     # Both compute in float32, adding up 16 to 60 products in different orders.
     assert found == pytest.approx(expected, abs=1e-5)
-    limits = exported.layout.limits
+    limits = exported.layout.drive
     low = np.array([limits.linear_min, -limits.angular_max])
     high = np.array([limits.linear_max, limits.angular_max])
     assert ((found >= low - 1e-6) & (found <= high + 1e-6)).all()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drive the same robots on the CPU and on the GPU and print how far apart they are, as JSON.
 
-python cuda_agreement.py TASK NUM_ENVS STEPS [--errors]
+python cuda_agreement.py TASK NUM_ENVS STEPS [--errors] [--omni]
 
 With NUMBA_ENABLE_CUDASIM=1 numba's CUDA simulator stands in for the GPU. A process of its own,
 since numba decides at its import which of the two it is.
@@ -30,7 +30,8 @@ SEED = 5
 
 def simulators(name: str, num_envs: int, errors: bool) -> tuple[PlanarSimulator, CudaSimulator]:
     """Return the same robots on the CPU and on the GPU, reset."""
-    task = task_config(name).model_copy(update={"num_worlds": 4})
+    robot_name = "omni_disc" if "--omni" in sys.argv else "pm01"
+    task = task_config(name).model_copy(update={"num_worlds": 4, "robot": robot_name})
     robot, pool = task.robot_spec(), world_pool(task, "train", 4)
     options: dict[str, Any] = {"features": features(task, observation_layout(task, robot))}
     cpu = PlanarSimulator(robot, pool, num_envs, **options)
@@ -51,7 +52,7 @@ def differences(name: str, num_envs: int, steps: int, errors: bool) -> dict[str,
     on, some = arrays_on("cuda"), np.array([0, num_envs - 1])
     rng = np.random.default_rng(SEED)
     for step in range(steps):
-        command = rng.uniform([-0.2, -1.5], [0.5, 1.5], (num_envs, 2))
+        command = rng.uniform(cpu.drive.low, cpu.drive.high, cpu.state.twist.shape)
         cpu.step(command)
         gpu.step(on.from_numpy(command))
         if step == steps // 3:

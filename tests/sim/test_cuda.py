@@ -81,7 +81,7 @@ def test_static_worlds_in_the_cuda_simulator():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("arguments", [("crowd",), ("mixed",), ("crowd", "--errors")])
+@pytest.mark.parametrize("arguments", [("crowd",), ("mixed",), ("crowd", "--errors", "--omni")])
 def test_other_kernels_in_the_cuda_simulator(arguments):
     check(agreement(arguments[0], "5", "24", *arguments[1:], simulated=True))
 

@@ -100,7 +100,7 @@ def test_environment_and_policy_show_the_same() -> None:
         )
         scan_parts = slice(0, batch.layout.part("scan").size)
         assert seen[-1][:, scan_parts] == pytest.approx(observation[:, scan_parts], abs=1e-6)
-        result = batch.step(batch.layout.limits.to_action(command))
+        result = batch.step(batch.layout.drive.to_action(command))
         assert result.episodes is None
         observation = result.observation
     assert not np.array_equal(observation[:, :36], observation[:, 36:72])

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pm01_nav.drives import DifferentialDrive
 from pm01_nav.envs.spaces import observation_space
 from pm01_nav.errors import InputError
 from pm01_nav.sim.lidar import sanitized
-from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.config import observation_layout
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.navigation import NavigationBatch
@@ -31,11 +31,11 @@ INF, NAN = np.inf, np.nan
 GEOMETRY = ScanGeometry(
     num_beams=6, angle_min=-np.pi, angle_increment=np.pi / 3, range_min=0.1, range_max=3.5
 )
-LIMITS = ActionLimits(linear_min=-0.2, linear_max=0.5, angular_max=1.5)
+DRIVE = DifferentialDrive(linear_min=-0.2, linear_max=0.5, angular_max=1.5)
 
 
 def layout_of(geometry: ScanGeometry = GEOMETRY, **keys) -> ObservationLayout:
-    return ObservationLayout(geometry, LIMITS, UsualParts(**keys).made(geometry, LIMITS))
+    return ObservationLayout(geometry, DRIVE, UsualParts(**keys).made(geometry, DRIVE))
 
 
 WITH_RANGES = {"nearness_distance": 0.0, "goal": "polar", "previous_action": False}

@@ -121,7 +121,7 @@ def test_a_part_is_trained_exported_and_seen_alike_on_a_robot(tmp_path) -> None:
         polar = sim.measured_goal
         goal = polar[:, :1] * np.stack([np.cos(polar[:, 1]), np.sin(polar[:, 1])], axis=-1)
         command = policy.act(sim.scan, goal, sim.measured_twist)
-        seen.append(batch.step(layout.limits.to_action(command)).observation)
+        seen.append(batch.step(layout.drive.to_action(command)).observation)
     sides = np.array(shown)[..., -4:]
     # It is there, and what is a step old is what was new a step ago.
     assert np.ptp(sides, axis=0).max() > 0.01

@@ -124,7 +124,7 @@ def check_file(settings: RunConfig, folder) -> None:
         goal, velocity = rng.uniform(-3, 3, (count, 2)), rng.uniform(-0.2, 0.5, (count, 2))
         expected = in_torch.act(scan, goal, velocity)
         assert in_file.act(scan, goal, velocity) == pytest.approx(expected, abs=1e-5)
-        limits = layout.limits
+        limits = layout.drive
         assert (np.abs(expected[:, 1]) <= limits.angular_max + 1e-6).all()
 
 

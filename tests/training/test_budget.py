@@ -51,3 +51,15 @@ def test_a_start_up_longer_than_the_budget_is_the_end_of_the_schedule(clock):
     clock["s"] = 5.0
     spent.learning_since = spent.seconds
     assert spent.learning_fraction() == 1.0
+
+
+def test_compiling_does_not_count_wherever_it_happens(clock, monkeypatch):
+    compiling = {"s": 7.0}  # Of an earlier run in the same process.
+    monkeypatch.setattr(module, "seconds_compiling", lambda: compiling["s"])
+    spent = budget(time_budget=10.0)
+    clock["s"], compiling["s"] = 45.0, 47.0  # 40 of 45 s went into kernels.
+    assert spent.compiled == 40.0
+    assert spent.seconds == 5.0
+    assert spent.fraction() == 0.5
+    clock["s"], spent.compiled_elsewhere = 48.0, 3.0  # A GPU's kernels took all of the last 3 s.
+    assert spent.seconds == 5.0

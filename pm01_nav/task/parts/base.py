@@ -15,8 +15,8 @@ from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from pm01_nav.arrays import Arrays
+from pm01_nav.drives import Drive
 from pm01_nav.errors import InputError
-from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.scans import ScanGeometry, pool_sectors
 
 ALL = slice(None)
@@ -44,9 +44,9 @@ class Seen:
     goal: Any
     """Distance and bearing of the goal, shape (n, 2) [m, rad]."""
     velocity: Any
-    """v and w, shape (n, 2) [m/s, rad/s]."""
+    """Speed of each of the drive's axes, shape (n, axes) [m/s, rad/s]."""
     previous_action: Any
-    """The last action, shape (n, 2) in [-1, 1]."""
+    """The last action, shape (n, axes) in [-1, 1]."""
     elapsed: Elapsed
     """What lies between this and the last time."""
     robots: Any = field(default_factory=lambda: ALL)
@@ -89,14 +89,14 @@ NO_MEMORY = Memory()
 
 @dataclass(frozen=True)
 class ObservationPart:
-    """Numbers of an observation that mean the same, of a robot with this lidar and these limits."""
+    """Numbers of an observation that mean the same, of a robot with this lidar and this drive."""
 
     name: ClassVar[str]
     """By which tasks and policy files call it."""
     unit: ClassVar[str] = "1"
 
     lidar: ScanGeometry
-    limits: ActionLimits
+    drive: Drive
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -152,7 +152,7 @@ def observation_part(part: PartClass) -> PartClass:
 
 
 def make_part(
-    name: str, parameters: Mapping[str, Any], lidar: ScanGeometry, limits: ActionLimits
+    name: str, parameters: Mapping[str, Any], lidar: ScanGeometry, drive: Drive
 ) -> ObservationPart:
     """Build a part by its name.
 
@@ -165,7 +165,7 @@ def make_part(
     if unknown := sorted(set(parameters) - set(allowed)):
         known = ", ".join(allowed) or "none"
         raise InputError(f"observation.parts.{name}.{unknown[0]}: unknown; allowed: {known}")
-    return PARTS[name](lidar, limits, **parameters)
+    return PARTS[name](lidar, drive, **parameters)
 
 
 def clip(xp: Any, values: Any, low: float, high: float) -> Any:

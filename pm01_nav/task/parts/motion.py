@@ -4,46 +4,58 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from pm01_nav.arrays import array_namespace
+from pm01_nav.drives import AxisName
 from pm01_nav.task.parts.base import ObservationPart, Seen, clip, observation_part
 
 
-@observation_part
 @dataclass(frozen=True)
-class LinearVelocity(ObservationPart):
-    """Measured v [m/s]."""
+class Velocity(ObservationPart):
+    """Measured speed of one of the drive's axes."""
 
-    name = "linear_velocity"
-    unit = "m/s"
+    axis: ClassVar[AxisName]
 
     @property
     def bounds(self) -> tuple[float, float]:
         """The robot's limits."""
-        return self.limits.linear_min, self.limits.linear_max
+        return self.drive.bounds(self.axis)
 
     def show(self, seen: Seen, memory: Any) -> tuple[Any, ...]:
-        """Return v."""
-        return (clip(array_namespace(seen.goal), seen.velocity[..., 0], *self.bounds),)
+        """Return the speed."""
+        speed = seen.velocity[..., self.drive.axes.index(self.axis)]
+        return (clip(array_namespace(seen.goal), speed, *self.bounds),)
 
 
 @observation_part
 @dataclass(frozen=True)
-class AngularVelocity(ObservationPart):
+class LinearVelocity(Velocity):
+    """Measured speed forwards [m/s]."""
+
+    name = "linear_velocity"
+    unit = "m/s"
+    axis = "x"
+
+
+@observation_part
+@dataclass(frozen=True)
+class LateralVelocity(Velocity):
+    """Measured speed to the left [m/s], of a base that can go there."""
+
+    name = "lateral_velocity"
+    unit = "m/s"
+    axis = "y"
+
+
+@observation_part
+@dataclass(frozen=True)
+class AngularVelocity(Velocity):
     """Measured w [rad/s]."""
 
     name = "angular_velocity"
     unit = "rad/s"
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """The robot's limits."""
-        return -self.limits.angular_max, self.limits.angular_max
-
-    def show(self, seen: Seen, memory: Any) -> tuple[Any, ...]:
-        """Return w."""
-        return (clip(array_namespace(seen.goal), seen.velocity[..., 1], *self.bounds),)
+    axis = "yaw"
 
 
 @observation_part
@@ -55,8 +67,8 @@ class PreviousAction(ObservationPart):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """V and w."""
-        return (2,)
+        """A number for each axis."""
+        return (self.drive.size,)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -64,5 +76,5 @@ class PreviousAction(ObservationPart):
         return -1.0, 1.0
 
     def show(self, seen: Seen, memory: Any) -> tuple[Any, ...]:
-        """Return both numbers of the action."""
-        return seen.previous_action[..., 0], seen.previous_action[..., 1]
+        """Return the numbers of the action."""
+        return tuple(seen.previous_action[..., k] for k in range(self.drive.size))

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pm01_nav.worlds import barn
 from pm01_nav.worlds.barn_grid import outer_walls
@@ -34,6 +33,8 @@ def barn_like(rng: np.random.Generator) -> World:
 
     The grid's rows run along x, its columns along y, as in the original generator.
     """
+    from scipy import ndimage
+
     # Fill: uniform on BARN_FILL; each cell is solid with that probability, side walls always.
     fill = rng.choice(BARN_FILL)
     solid = rng.random((BARN_SIZE, BARN_SIZE)) < fill
@@ -66,6 +67,8 @@ def _cheapest_way(solid: BoolArray, rng: np.random.Generator) -> BoolArray:
 
     It moves by at most one row a column and is found column by column (dynamic programming).
     """
+    from scipy import ndimage
+
     half = BARN_WAY // 2
     inner = slice(1 + half, BARN_SIZE - 1 - half)
     # Solid cells in the square around a cell, plus U(0, 0.5) to choose among equal ways.
