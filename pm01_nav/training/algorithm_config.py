@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the algorithms' hyper-parameters mean, by the names that SB3 and RL Zoo give them.
+"""The table of algorithms: their hyper-parameters, and what a run expects of them.
 
-Their values stand in ``hyperparameters/<algorithm>.yaml``, if there is such a file, and else in the
-algorithm's own class (``algorithms/``); those that are given go over them.
+Hyper-parameters have the names that SB3 and RL Zoo give them. Their values stand in
+``hyperparameters/<algorithm>.yaml``, if there is such a file, and else in the algorithm's own class
+(``algorithms/``); those that are given go over them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -17,10 +18,42 @@ from pm01_nav.robot import Positive
 from pm01_nav.training.hyperparameters import stored_values
 
 if TYPE_CHECKING:
-    from pm01_nav.training.learner import Algorithm
+    from stable_baselines3.common.vec_env import VecEnv
+
+    from pm01_nav.task.observation import ObservationLayout
 
 Count = Annotated[int, Field(ge=1)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+Rate = Callable[[float], float]
+"""The learning rate as SB3 asks for it."""
+
+
+class Algorithm(Protocol):
+    """How learners are built, stored and gone on with; ``config`` is a section of ``train``."""
+
+    def make(
+        self,
+        config: Any,
+        env: VecEnv,
+        layout: ObservationLayout,
+        *,
+        seed: int,
+        learning_rate: Rate,
+    ) -> Any:
+        """Build the learner, one of SB3's or of its kind."""
+        ...
+
+    def make_policy(self, config: Any, layout: ObservationLayout) -> Any:
+        """Build the policy alone, with fresh weights."""
+        ...
+
+    def state(self, model: Any) -> dict[str, Any]:
+        """Return what the learner needs to go on, beyond its policy: tensors and plain data."""
+        ...
+
+    def restore(self, model: Any, state: dict[str, Any]) -> None:
+        """Go on from ``state``."""
+        ...
 
 
 class ConvolutionConfig(FrozenModel):
@@ -92,6 +125,21 @@ class AlgorithmConfig(FrozenModel):
         raise NotImplementedError
 
 
+ALGORITHMS: dict[str, type[AlgorithmConfig]] = {}
+Config = TypeVar("Config", bound=type[AlgorithmConfig])
+
+
+def algorithm(name: str) -> Callable[[Config], Config]:
+    """Enter an algorithm, by its hyper-parameters, in the table."""
+
+    def enter(config: Config) -> Config:
+        config.name = name
+        ALGORITHMS[name] = config
+        return config
+
+    return enter
+
+
 class OffPolicyConfig(AlgorithmConfig):
     """What algorithms with a replay buffer have in common."""
 
@@ -129,8 +177,9 @@ class OffPolicyConfig(AlgorithmConfig):
         """Begin to learn early, since steps are dear."""
         return {"n_envs": n_envs, "learning_starts": 1000}
 
-    def learner_arguments(self) -> dict[str, Any]:
+    def learner_arguments(self, num_commands: int) -> dict[str, Any]:
         """Return the arguments that this algorithm's learner alone takes."""
+        del num_commands
         return {}
 
     def policy_arguments(self) -> dict[str, Any]:

@@ -17,8 +17,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from pm01_nav.envs.spaces import action_space
 from pm01_nav.task.observation import ObservationLayout
-from pm01_nav.training.algorithm_config import OffPolicyConfig
-from pm01_nav.training.learner import Rate
+from pm01_nav.training.algorithm_config import OffPolicyConfig, Rate
 from pm01_nav.training.networks import AsymmetricCritics, network_arguments, network_space
 
 BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
@@ -54,7 +53,7 @@ class OffPolicy:
             seed=seed,
             device="cpu",
             **{name: getattr(config, name) for name in names},
-            **config.learner_arguments(),
+            **config.learner_arguments(*env.action_space.shape),
         )
 
     def make_policy(self, config: OffPolicyConfig, layout: ObservationLayout) -> BasePolicy:

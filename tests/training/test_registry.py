@@ -21,6 +21,7 @@ from pm01_nav.task.tasks import task_config
 from pm01_nav.training.algorithm_config import AlgorithmConfig, Count
 from pm01_nav.training.algorithms import ALGORITHMS, algorithm
 from pm01_nav.training.algorithms.ppo import PPOConfig
+from pm01_nav.training.algorithms.td3 import TD3Config
 from pm01_nav.training.config import RunConfig, TrainConfig
 from pm01_nav.training.run_folder import RunFolder
 
@@ -68,7 +69,7 @@ class A2CAlgorithm:
 
         rate = lambda _: config.learning_rate  # noqa: E731
         space = network_space(config, layout)
-        return ActorCriticPolicy(space, action_space(), rate, net_arch=list(config.net_arch))
+        return ActorCriticPolicy(space, action_space(layout), rate, net_arch=list(config.net_arch))
 
     def state(self, model):
         from pm01_nav.training.learner import on_policy_state
@@ -141,6 +142,11 @@ def test_no_section_changes_another():
     usual = validate(TrainConfig, {"steps": 1}, "test").hyperparameters
     assert usual == PPOConfig.model_validate({})
     assert quick != usual
+
+
+def test_actions_are_explored_in_all_directions_that_a_base_has():
+    noise = TD3Config.model_validate({}).learner_arguments(3)["action_noise"]
+    assert noise().shape == (3,)
 
 
 def test_the_table_loads_no_torch():

@@ -8,7 +8,7 @@ None imports torch before its learner is built, since each second of a short tra
 from importlib import import_module
 from pkgutil import iter_modules
 
-from pm01_nav.training.algorithms.registry import ALGORITHMS, algorithm
+from pm01_nav.training.algorithm_config import ALGORITHMS, algorithm
 
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")

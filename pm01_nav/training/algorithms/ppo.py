@@ -3,16 +3,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
 from pm01_nav.robot import NonNegative, Positive
-from pm01_nav.training.algorithm_config import AlgorithmConfig, Count, Fraction
-from pm01_nav.training.algorithms.registry import algorithm
-
-if TYPE_CHECKING:
-    from pm01_nav.training.learner import Algorithm
+from pm01_nav.training.algorithm_config import (
+    Algorithm,
+    AlgorithmConfig,
+    Count,
+    Fraction,
+    algorithm,
+)
 
 
 @algorithm("ppo")

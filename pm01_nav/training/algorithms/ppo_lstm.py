@@ -3,14 +3,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from pm01_nav.training.algorithm_config import Count
+from pm01_nav.training.algorithm_config import Algorithm, Count, algorithm
 from pm01_nav.training.algorithms.ppo import PPOConfig
-from pm01_nav.training.algorithms.registry import algorithm
-
-if TYPE_CHECKING:
-    from pm01_nav.training.learner import Algorithm
 
 
 @algorithm("ppo_lstm")

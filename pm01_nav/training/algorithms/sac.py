@@ -3,16 +3,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from pm01_nav.robot import NonNegative
-from pm01_nav.training.algorithm_config import OffPolicyConfig
-from pm01_nav.training.algorithms.registry import algorithm
-
-if TYPE_CHECKING:
-    from pm01_nav.training.learner import Algorithm
+from pm01_nav.training.algorithm_config import Algorithm, OffPolicyConfig, algorithm
 
 EntropyCoefficient = Annotated[str, Field(pattern=r"^auto(_[0-9.]+)?$")] | NonNegative
 
@@ -26,7 +22,7 @@ class SACConfig(OffPolicyConfig):
     target_entropy: Literal["auto"] | float
     """``auto`` is minus the number of actions."""
 
-    def learner_arguments(self) -> dict[str, Any]:
+    def learner_arguments(self, num_commands: int) -> dict[str, Any]:
         """Return what the entropy weighs."""
         return {"ent_coef": self.ent_coef, "target_entropy": self.target_entropy}
 

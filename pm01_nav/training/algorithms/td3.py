@@ -3,14 +3,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pm01_nav.robot import NonNegative
-from pm01_nav.training.algorithm_config import Count, OffPolicyConfig
-from pm01_nav.training.algorithms.registry import algorithm
-
-if TYPE_CHECKING:
-    from pm01_nav.training.learner import Algorithm
+from pm01_nav.training.algorithm_config import Algorithm, Count, OffPolicyConfig, algorithm
 
 
 @algorithm("td3")
@@ -24,13 +20,13 @@ class TD3Config(OffPolicyConfig):
     target_policy_noise: NonNegative
     target_noise_clip: NonNegative
 
-    def learner_arguments(self) -> dict[str, Any]:
+    def learner_arguments(self, num_commands: int) -> dict[str, Any]:
         """Return the noise of actions and targets, and the actor's delay."""
         import numpy as np
         from stable_baselines3.common.noise import NormalActionNoise
 
         names = ("policy_delay", "target_policy_noise", "target_noise_clip")
-        noise = NormalActionNoise(np.zeros(2), np.full(2, self.noise_std))
+        noise = NormalActionNoise(np.zeros(num_commands), np.full(num_commands, self.noise_std))
         return {"action_noise": noise} | {name: getattr(self, name) for name in names}
 
     @staticmethod

@@ -3,16 +3,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
-from pm01_nav.training.algorithm_config import Count
-from pm01_nav.training.algorithms.registry import algorithm
+from pm01_nav.training.algorithm_config import Algorithm, Count, algorithm
 from pm01_nav.training.algorithms.sac import SACConfig
-
-if TYPE_CHECKING:
-    from pm01_nav.training.learner import Algorithm
 
 
 @algorithm("tqc")
@@ -22,10 +18,10 @@ class TQCConfig(SACConfig):
     n_quantiles: Count
     top_quantiles_to_drop_per_net: Annotated[int, Field(ge=0)]
 
-    def learner_arguments(self) -> dict[str, Any]:
+    def learner_arguments(self, num_commands: int) -> dict[str, Any]:
         """Return SAC's and how many quantiles are left out."""
         dropped = self.top_quantiles_to_drop_per_net
-        return super().learner_arguments() | {"top_quantiles_to_drop_per_net": dropped}
+        return super().learner_arguments(num_commands) | {"top_quantiles_to_drop_per_net": dropped}
 
     def policy_arguments(self) -> dict[str, Any]:
         """Return the number of critics and of their quantiles."""
