@@ -19,11 +19,11 @@ from pm01_nav.backends.gazebo_config import GazeboConfig
 from pm01_nav.backends.gazebo_install import require_gazebo
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.sim.simulator import PlanarSimulator, Simulator
 from pm01_nav.worlds.pool import WorldPool
 
 DEFAULT_GAZEBO = GazeboConfig()
-Build = Callable[..., PlanarSimulator]
+Build = Callable[..., Simulator]
 
 
 class Backend(NamedTuple):
@@ -61,14 +61,14 @@ BackendName = Annotated[str, AfterValidator(_known)]
 @backend("planar")
 def _planar(
     _: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
-) -> PlanarSimulator:
+) -> Simulator:
     return PlanarSimulator(robot, pool, num_envs, **how)
 
 
 @backend("mujoco")
 def _mujoco(
     _: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
-) -> PlanarSimulator:
+) -> Simulator:
     _require("mujoco", extra="physics")
     _draw_without_screen()
     from pm01_nav.backends.mujoco_engine import MujocoEngine
@@ -80,7 +80,7 @@ def _mujoco(
 @backend("pybullet")
 def _pybullet(
     _: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
-) -> PlanarSimulator:
+) -> Simulator:
     _require("pybullet", extra="pybullet")
     with _silent():
         import_module("pybullet")
@@ -93,7 +93,7 @@ def _pybullet(
 @backend("gazebo", most_robots=os.cpu_count() or 1)
 def _gazebo(
     gazebo: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
-) -> PlanarSimulator:
+) -> Simulator:
     require_gazebo("gazebo")
     from pm01_nav.backends.gazebo import GazeboSimulator
 
@@ -103,7 +103,7 @@ def _gazebo(
 @backend("gazebo_transport", most_robots=1)
 def _gazebo_transport(
     gazebo: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
-) -> PlanarSimulator:
+) -> Simulator:
     require_gazebo("gazebo_transport")
     from pm01_nav.backends.gazebo_transport import RunningGazeboSimulator
 
@@ -118,8 +118,8 @@ def make_simulator(
     num_envs: int,
     gazebo: GazeboConfig = DEFAULT_GAZEBO,
     **how: Any,
-) -> PlanarSimulator:
-    """Return ``num_envs`` robots in the worlds of ``pool``; ``how`` is as for ``PlanarSimulator``.
+) -> Simulator:
+    """Return ``num_envs`` robots in the worlds of ``pool``; ``how`` is as for ``Simulator``.
 
     Where ``arrays`` are on a GPU, so is the simulator. ``gazebo`` is for Gazebo alone.
 

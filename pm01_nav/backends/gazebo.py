@@ -42,7 +42,7 @@ class GazeboSimulator(PhysicsSimulator):
     def __init__(
         self, localization: str, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
     ) -> None:
-        """Start ``num_envs`` servers; ``how`` is as for ``PlanarSimulator``."""
+        """Start ``num_envs`` servers; ``how`` is as for ``Simulator``."""
         super().__init__(GazeboEngine, robot, pool, num_envs, **how)
         self._localized = localization == "ground_truth"
 

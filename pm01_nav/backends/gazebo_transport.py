@@ -27,7 +27,7 @@ class RunningGazeboSimulator(PhysicsSimulator):
     def __init__(
         self, address: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
     ) -> None:
-        """Find the robot; ``how`` is as for ``PlanarSimulator``.
+        """Find the robot; ``how`` is as for ``Simulator``.
 
         Raises:
             InputError: there are several robots or worlds to drive in, Gazebo has none such, or

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from pm01_nav.backends.engine import MakeEngine, Motion, Scenario, View, ticks_in
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim import engine_kernels
 from pm01_nav.sim.perturbation import Perturbation
-from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.sim.simulator import Simulator
 from pm01_nav.worlds.pool import WorldPool
 
 FloatArray = NDArray[np.float64]
@@ -25,8 +24,8 @@ POSSIBLE = 1e7
 DIVERGED = "the physics diverged"
 
 
-class PhysicsSimulator(PlanarSimulator):
-    """Robots with wheels, weight and contacts; all else is the planar simulator's.
+class PhysicsSimulator(Simulator):
+    """Robots with wheels, weight and contacts, moved by an engine.
 
     Worlds, starts, goals and movers are those that the planar simulator draws for the same seed.
     Clearance is measured in the plane. Readings have the described lidar's noise.
@@ -35,7 +34,7 @@ class PhysicsSimulator(PlanarSimulator):
     def __init__(
         self, make: MakeEngine, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
     ) -> None:
-        """Allocate the batch; ``how`` is as for ``PlanarSimulator``."""
+        """Allocate the batch; ``how`` is as for ``Simulator``."""
         super().__init__(robot, pool, num_envs, **how)
         self._engine = make(robot, pool.worlds, num_envs, self.control_dt)
         self._motion = Motion.of(num_envs)
@@ -49,7 +48,7 @@ class PhysicsSimulator(PlanarSimulator):
         indices: NDArray[np.int64 | np.bool_] | None = None,
         worlds: NDArray[np.int64] | None = None,
     ) -> None:
-        """Start new episodes in some environments (all by default); see ``PlanarSimulator``."""
+        """Start new episodes in some environments (all by default); see ``Simulator``."""
         super().reset(indices, worlds)
         if indices is None:
             indices = np.arange(self.num_envs)
@@ -78,7 +77,7 @@ class PhysicsSimulator(PlanarSimulator):
             self._engine.reset(int(i), scenario)
         self._engine.cast(np.asarray(indices), state.ranges)
         self.faults = {i: why for i, why in self.faults.items() if i not in indices}
-        self._perceive(np.asarray(indices, dtype=np.int64), True)
+        self.perceive(np.asarray(indices, dtype=np.int64), first=True)
 
     def step(self, command: ArrayLike) -> None:
         """Apply velocity commands (num_envs, 2) [m/s, rad/s] for one control step.
@@ -89,7 +88,7 @@ class PhysicsSimulator(PlanarSimulator):
         command = self.checked(command)
         state, motion = self.state, self._motion
         motion.lost.clear()
-        self._engine.step(command, self._move_obstacles(), motion, state.ranges)
+        self._engine.step(command, self._tracks(), motion, state.ranges)
         moved = np.abs(np.concatenate([motion.pose, motion.twist], axis=1))
         # NaN is not below anything.
         sound: Any = np.less(moved.max(axis=1), POSSIBLE)
@@ -102,35 +101,23 @@ class PhysicsSimulator(PlanarSimulator):
             np.sin(state.pose[:, 2]),
         )
         state.contact[:] = motion.contact & sound
-        self._perceive(np.arange(self.num_envs), False)
+        self.perceive(np.arange(self.num_envs), first=False)
 
     def picture(self, i: int, eye_offset: FloatArray, size: tuple[int, int]) -> NDArray[np.uint8]:
-        """Return a picture (height, width, 3) of robot ``i`` and its goal.
-
-        The camera stands ``eye_offset`` (3,) [m] from the robot; ``size`` is width, height [px].
-
-        Raises:
-            InputError: the engine has nothing to draw with.
-        """
+        """Return a picture of robot ``i`` and its goal; see ``Simulator``."""
         x, y, _ = self.state.pose[i].tolist()
         goal = (float(self.state.goal[i, 0]), float(self.state.goal[i, 1]))
         eye = (x + eye_offset[0], y + eye_offset[1], eye_offset[2])
         return self._engine.picture(i, View(eye, (x, y, 0.1), size, goal, GOAL_MARKER))
 
-    def _move_obstacles(self) -> FloatArray:
+    def _tracks(self) -> FloatArray:
         """Move what moves; return where it is at each tick, (ticks, num_envs, most movers, 2)."""
         before = self.state.mover_position.copy()
-        if self._has_movers:
-            base, _, arrays = self._scene
-            move = self._threads.version(engine_kernels.move_obstacles)
-            move(self.state, base, arrays, self._crowd)
+        self.move_obstacles()
         way = self.state.mover_position - before
         ticks = ticks_in(self.control_dt)
         share = np.arange(1, ticks + 1) / ticks
         return before + share[:, None, None, None] * way
-
-    def _perceive(self, indices: NDArray[np.int64], first: bool) -> None:
-        engine_kernels.perceive(self.state, indices, *self._scene, self._trail, first)
 
     def keep(self, indices: NDArray[np.int64]) -> None:
         """Go on with some of the environments only, as if there had never been others."""

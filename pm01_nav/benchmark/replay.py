@@ -8,9 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pm01_nav.backends.physics import PhysicsSimulator
 from pm01_nav.benchmark.evaluate import GoalSource
-from pm01_nav.errors import InputError
 from pm01_nav.policy.protocol import Policy
 from pm01_nav.rendering.canvas import Canvas
 from pm01_nav.rendering.scene import Outcome, Scene
@@ -53,7 +51,7 @@ def film(
     Raises:
         InputError: the worlds cannot be had, or no engine is there to render them.
     """
-    pool, batch = _stage(config, episodes, seed, rendered)
+    pool, batch = _stage(config, episodes, seed)
     for number in range(episodes):
         batch.reset([(seed << 32) + number], np.array([number % len(pool)]))
         caption = f"{label}   {config.name}, seed {seed}, episode {number + 1} of {episodes}"
@@ -79,7 +77,7 @@ def photograph(
 
     Parameters and errors are those of ``film``.
     """
-    pool, batch = _stage(config, 1, seed, rendered)
+    pool, batch = _stage(config, 1, seed)
     batch.reset([seed << 32], np.array([0]))
     draw = _camera(batch) if rendered else _plan(batch, f"{label}   {config.name}, seed {seed}")
     distance = batch.simulator.state.goal_polar[:, 0]
@@ -90,12 +88,8 @@ def photograph(
     raise AssertionError("an episode ends with an outcome")
 
 
-def _stage(
-    config: TaskConfig, episodes: int, seed: int, rendered: bool
-) -> tuple[WorldPool, NavigationBatch]:
+def _stage(config: TaskConfig, episodes: int, seed: int) -> tuple[WorldPool, NavigationBatch]:
     """Return the worlds of the first episodes, and a robot for them."""
-    if rendered and config.backend == "planar":
-        raise InputError("render: the planar simulator has nothing to render; add --backend mujoco")
     pool = world_pool(config, "held_out", episodes, seed)
     return pool, NavigationBatch(config, pool, 1, autoreset=False)
 
@@ -120,7 +114,6 @@ def _drive(
 def _camera(batch: NavigationBatch) -> Draw:
     """Return what draws robot 0 from behind and above, as seen on the way from start to goal."""
     simulator = batch.simulator
-    assert isinstance(simulator, PhysicsSimulator)
     way = simulator.state.goal[0] - simulator.state.pose[0, :2]
     distance = CAMERA * batch.robot.footprint.circumscribed_radius
     back = distance * way / max(float(np.linalg.norm(way)), 1e-9)

@@ -12,44 +12,36 @@ import numpy as np
 from numba import cuda as numba_cuda
 
 from pm01_nav.sim.kernels import (
+    advance,
     begin_episode,
-    choose_world,
-    draw_start,
     locate,
     look,
-    move,
-    place,
+    observe_wrongly,
+    place_anew,
     read,
 )
 from pm01_nav.sim.lidar import reading
-from pm01_nav.sim.mover_starts import place_start
-from pm01_nav.sim.movers import step_movers
 from pm01_nav.sim.pedestrians import Tables
-from pm01_nav.sim.perturbed_kernels import move_wrongly, observe, place_anew, stand
 from pm01_nav.sim.state import LidarParams
 
 cuda: Any = numba_cuda
 """numba describes ``cuda.grid`` to type checkers as it never is."""
 
 
-def move_all(state, command, base, worlds, time):
-    """Apply commands (num_envs, 2) [m/s, rad/s] where nothing moves; see ``kernels.step_batch``."""
-    i = cuda.grid(1)
-    if i < state.pose.shape[0]:
-        move(state, i, command, base, worlds, time, 0.0)
-        locate(state, i, base, worlds)
+def move_all(state, errors, drawn, command, came_from, base, worlds, time, crowd, tables):
+    """Apply commands (num_envs, 2) [m/s, rad/s]; see ``kernels.step_batch``.
 
-
-def move_all_in_crowds(state, command, base, worlds, time, crowd, tables):
-    """Apply commands among movers; each thread has a row of ``tables`` and several robots."""
+    Each thread has a row of ``tables`` and, of many robots among movers, several. ``came_from``
+    (num_envs, 3) keeps the last poses of robots with errors.
+    """
     thread, threads = cuda.grid(1), cuda.gridsize(1)
     own = tables_of(tables, thread)
     for i in range(thread, state.pose.shape[0], threads):
-        drift = 0.0
-        if state.mover_count[i] > 0:
-            drift = step_movers(state, i, base, worlds, crowd, own)
-        move(state, i, command, base, worlds, time, drift)
-        locate(state, i, base, worlds)
+        if len(errors) > 0:
+            keep_pose(state, i, came_from)
+        advance(state, errors, drawn, i, command, base, worlds, time, crowd, own)
+        if len(errors) == 0:
+            locate(state, i, base, worlds)
 
 
 def look_some(state, indices, lidar, worlds, ranges, width):
@@ -73,83 +65,43 @@ def read_some(state, indices, lidar, trail):
         read(state, indices[row], lidar, trail)
 
 
-def reset_some(state, indices, base, worlds, goal_distance, scratch):
+def reset_some(
+    state,
+    errors,
+    drawn,
+    ranges,
+    indices,
+    came_from,
+    base,
+    worlds,
+    goal_distance,
+    scratch,
+    crowd,
+):
     """Start new episodes in the environments ``indices`` (n,); see ``kernels.reset_some``."""
     row = cuda.grid(1)
     if row < indices.shape[0] and indices[row] >= 0:
         i = indices[row]
-        choose_world(state, i, worlds)
-        x, y = draw_start(state, i, worlds)
-        place(state, i, x, y, worlds, goal_distance)
-        begin_episode(state, i, worlds, scratch)
-        locate(state, i, base, worlds)
+        place_anew(state, errors, drawn, ranges, i, base, worlds, goal_distance, crowd)
+        begin_at_rest(state, errors, drawn, i, came_from, base, worlds, scratch)
 
 
-def reset_some_in_crowds(state, indices, base, worlds, goal_distance, scratch):
-    """Start new episodes among movers; see ``crowd_kernels.reset_some``."""
-    row = cuda.grid(1)
-    if row < indices.shape[0] and indices[row] >= 0:
-        i = indices[row]
-        choose_world(state, i, worlds)
-        x, y = place_start(state, i, base, worlds)
-        place(state, i, x, y, worlds, goal_distance)
-        begin_episode(state, i, worlds, scratch)
-        locate(state, i, base, worlds)
-
-
-def begin_some(state, indices, base, worlds, scratch):
+def begin_some(state, errors, drawn, indices, came_from, base, worlds, scratch):
     """Begin episodes at poses that were set from outside; see ``kernels.observe_some``."""
     row = cuda.grid(1)
     if row < indices.shape[0] and indices[row] >= 0:
-        begin_episode(state, indices[row], worlds, scratch)
-        locate(state, indices[row], base, worlds)
-
-
-def move_all_wrongly(state, errors, drawn, command, came_from, base, worlds, time, crowd, tables):
-    """Apply commands to robots with errors; ``came_from`` (num_envs, 3) keeps the last poses.
-
-    Each thread has a row of ``tables`` and several robots.
-    """
-    thread, threads = cuda.grid(1), cuda.gridsize(1)
-    own = tables_of(tables, thread)
-    for i in range(thread, state.pose.shape[0], threads):
-        for axis in range(3):
-            came_from[i, axis] = state.pose[i, axis]
-        move_wrongly(state, errors, drawn, i, command, base, worlds, time, crowd, own)
+        begin_at_rest(state, errors, drawn, indices[row], came_from, base, worlds, scratch)
 
 
 def observe_some_wrongly(
     state, errors, drawn, indices, came_from, base, lidar, worlds, trail, first
 ):
-    """Measure what the sensors of robots with errors say; see ``perturbed_kernels.observe``."""
+    """Measure what the sensors of robots with errors say; see ``kernels.observe_wrongly``."""
     row = cuda.grid(1)
     if row < indices.shape[0] and indices[row] >= 0:
         i = indices[row]
         x, y, yaw = came_from[i, 0], came_from[i, 1], came_from[i, 2]
-        observe(state, errors, drawn, i, x, y, yaw, base, lidar, worlds, trail, first)
-
-
-def reset_some_wrongly(
-    state, errors, drawn, ranges, indices, came_from, base, worlds, goal_distance, scratch
-):
-    """Start new episodes with new errors; see ``perturbed_kernels.reset_some``."""
-    row = cuda.grid(1)
-    if row < indices.shape[0] and indices[row] >= 0:
-        i = indices[row]
-        place_anew(state, errors, drawn, ranges, i, base, worlds, goal_distance)
-        stand(state, errors, drawn, i, worlds, scratch)
-        for axis in range(3):
-            came_from[i, axis] = state.pose[i, axis]
-
-
-def begin_some_wrongly(state, errors, drawn, indices, came_from, worlds, scratch):
-    """Begin anew at poses that were set from outside; see ``perturbed_kernels.observe_some``."""
-    row = cuda.grid(1)
-    if row < indices.shape[0] and indices[row] >= 0:
-        i = indices[row]
-        stand(state, errors, drawn, i, worlds, scratch)
-        for axis in range(3):
-            came_from[i, axis] = state.pose[i, axis]
+        observe_wrongly(state, errors, drawn, i, x, y, yaw, base, lidar, worlds, trail, first)
 
 
 def read_scans(ranges, scan, range_min, range_max):
@@ -158,6 +110,23 @@ def read_scans(ranges, scan, range_min, range_max):
     i, k = thread // scan.shape[1], thread % scan.shape[1]
     if i < scan.shape[0]:
         scan[i, k] = reading(ranges[i, k], np.float32(range_min), np.float32(range_max))
+
+
+@cuda.jit(device=True)
+def begin_at_rest(state, errors, drawn, i, came_from, base, worlds, scratch):
+    """Begin an episode at the present pose; robots with errors look around later."""
+    begin_episode(state, errors, drawn, i, worlds, scratch)
+    if len(errors) == 0:
+        locate(state, i, base, worlds)
+    else:
+        keep_pose(state, i, came_from)
+
+
+@cuda.jit(device=True)
+def keep_pose(state, i, came_from):
+    """Note where a robot is before it moves."""
+    for axis in range(3):
+        came_from[i, axis] = state.pose[i, axis]
 
 
 @cuda.jit(device=True)
@@ -183,6 +152,8 @@ def part_of(lidar, begin, end):
 @cuda.jit(device=True)
 def tables_of(tables, thread):
     """Return one thread's room from tables that have a row for each."""
+    if len(tables) == 0:
+        return tables
     return Tables(
         tables.bodies[thread],
         tables.planes[thread],

@@ -14,11 +14,12 @@ from pm01_nav.cuda import THREADS, BoundKernel
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim import cuda_kernels
+from pm01_nav.sim.kernels import ABSENT
 from pm01_nav.sim.lidar import FEW_BEAMS
 from pm01_nav.sim.pedestrians import Tables, new_tables
 from pm01_nav.sim.perturbation import Perturbation
 from pm01_nav.sim.random import stream_keys
-from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.sim.simulator import Simulator
 from pm01_nav.worlds.pool import WorldPool
 
 UNSIGNED = ("rng_key", "rng_count", "dark_key")
@@ -30,7 +31,7 @@ MAX_WALKING_THREADS = 1 << 14
 Group = TypeVar("Group", bound=tuple[Any, ...])
 
 
-class CudaSimulator(PlanarSimulator):
+class CudaSimulator(Simulator):
     """``PlanarSimulator`` on a GPU: the same functions, compiled for it.
 
     ``state`` and all other arrays are those of ``arrays``; ``step``, ``reset`` and the rest take
@@ -41,7 +42,7 @@ class CudaSimulator(PlanarSimulator):
     def __init__(
         self, robot: RobotSpec, pool: WorldPool, num_envs: int, *, arrays: Arrays, **options: Any
     ) -> None:
-        """Allocate the batch on the device; ``options`` are those of ``PlanarSimulator``.
+        """Allocate the batch on the device; ``options`` are those of ``Simulator``.
 
         Raises:
             InputError: it does not fit into the device's memory.
@@ -90,7 +91,7 @@ class CudaSimulator(PlanarSimulator):
 
     def _for_kernel(self, value: Any, name: str = "") -> Any:
         """Return a number, an array or a named tuple of them as kernels take it."""
-        if isinstance(value, bool | int | float):
+        if isinstance(value, bool | int | float) or value is ABSENT:
             return value
         fields: tuple[str, ...] | None = getattr(value, "_fields", None)
         if fields is not None:
@@ -112,7 +113,7 @@ class CudaSimulator(PlanarSimulator):
         launch(threads)
 
     def perturb(self, ranges: Perturbation) -> None:
-        """Let each episode draw what is wrong with its robot; see ``PlanarSimulator``."""
+        """Let each episode draw what is wrong with its robot; see ``Simulator``."""
         super().perturb(ranges)
         assert self.errors is not None
         assert self.drawn is not None
@@ -131,35 +132,35 @@ class CudaSimulator(PlanarSimulator):
         self._scene[2].cumulative_weight[...] = cumulative
 
     def seed(self, seeds: ArrayLike, indices: Any = slice(None)) -> None:
-        """Begin random streams anew; see ``PlanarSimulator``."""
+        """Begin random streams anew; see ``Simulator``."""
         self.state.rng_key[indices] = self._on.from_numpy(stream_keys(np.asarray(seeds)))
         self.state.rng_count[indices] = 0
 
     def step(self, command: Any) -> None:
-        """Apply velocity commands (num_envs, axes) [m/s, rad/s]; see ``PlanarSimulator``."""
+        """Apply velocity commands (num_envs, axes) [m/s, rad/s]; see ``Simulator``."""
         needed = (self.num_envs, self.drive.size)
         if tuple(np.shape(command)) != needed:
             raise ValueError(f"command: shape {np.shape(command)}, needs {needed}")
         self._command[...] = command
         base, _, worlds = self._scene
-        if self.errors is not None:
-            own = (self.state, self.errors, self.drawn, self._command, self._came_from)
-            rest = (base, worlds, self._time, self._crowd)
-            self._launch_with_tables("move_all_wrongly", *own, *rest)
-            self._observe_wrongly(self._everyone, self.num_envs, first=False)
-            return
-        moving = (self.state, self._command, base, worlds, self._time)
-        if self._has_movers:
-            self._launch_with_tables("move_all_in_crowds", *moving, self._crowd)
+        own = (*self._own(), self._command, self._came_from)
+        self._move(*own, base, worlds, self._time, self._crowd)
+        if self.errors is None:
+            self._observe(self._everyone, self.num_envs, "all")
         else:
-            self._launch("move_all", self.num_envs, *moving)
-        self._observe(self._everyone, self.num_envs, "all")
+            self._observe_wrongly(self._everyone, self.num_envs, first=False)
 
-    def _launch_with_tables(self, name: str, *arguments: Any) -> None:
-        """Launch a kernel in which pedestrians walk."""
-        threads = min(-(-self.num_envs // THREADS) * THREADS, MAX_WALKING_THREADS)
-        tables = () if name in self._launches else (self._tables(threads),)
-        self._launch(name, threads, *arguments, *tables)
+    def _own(self) -> tuple[Any, Any, Any]:
+        """Return the state, and errors if there are any, as kernels begin with them."""
+        return self.state, self.errors or ABSENT, self.drawn or ABSENT
+
+    def _move(self, *arguments: Any) -> None:
+        """Launch the kernel that moves robots and movers."""
+        threads, tables = self.num_envs, ABSENT
+        if self._has_movers:
+            threads = min(-(-threads // THREADS) * THREADS, MAX_WALKING_THREADS)
+            tables = ABSENT if "move_all" in self._launches else self._tables(threads)
+        self._launch("move_all", threads, *arguments, tables)
 
     def _tables(self, threads: int) -> Tables:
         """Return room to work out the velocities of pedestrians, a row for each thread."""
@@ -189,7 +190,7 @@ class CudaSimulator(PlanarSimulator):
         )
 
     def reset(self, indices: Any = None, worlds: Any = None) -> None:
-        """Start new episodes in some environments (all by default); see ``PlanarSimulator``."""
+        """Start new episodes in some environments (all by default); see ``Simulator``."""
         chosen = self._everyone if indices is None else indices
         count = self._choose(chosen)
         if worlds is not None:
@@ -199,16 +200,10 @@ class CudaSimulator(PlanarSimulator):
         else:
             self.state.world[chosen] = -1
         base, _, worlds_ = self._scene
-        end = (self._goal_distance, self._scratch)
-        if self.errors is not None:
-            own = (self.state, self.errors, self.drawn, self._ranges, self._chosen)
-            rest = (self._came_from, base, worlds_, *end)
-            self._launch("reset_some_wrongly", count, *own, *rest)
-            self._observe_wrongly(self._chosen, count, first=True)
-            return
-        name = "reset_some_in_crowds" if self._has_movers else "reset_some"
-        self._launch(name, count, self.state, self._chosen, base, worlds_, *end)
-        self._observe(self._chosen, count, "some")
+        own = (*self._own(), self._ranges or ABSENT, self._chosen, self._came_from)
+        end = (self._goal_distance, self._scratch, self._crowd)
+        self._launch("reset_some", count, *own, base, worlds_, *end)
+        self._begin(count)
 
     def _choose(self, indices: Any) -> int:
         """Note the environments of the next launch, of which it returns how many there may be.
@@ -229,16 +224,19 @@ class CudaSimulator(PlanarSimulator):
         self._stand(indices, self._on.xp.asarray(poses), self._on.xp.asarray(goals))
         count = self._choose(indices)
         base, _, worlds = self._scene
-        if self.errors is not None:
-            own = (self.state, self.errors, self.drawn, self._chosen, self._came_from)
-            self._launch("begin_some_wrongly", count, *own, worlds, self._scratch)
+        own = (*self._own(), self._chosen, self._came_from)
+        self._launch("begin_some", count, *own, base, worlds, self._scratch)
+        self._begin(count)
+
+    def _begin(self, count: int) -> None:
+        """Look around for the first time in the episodes of the first ``count`` of the chosen."""
+        if self.errors is None:
+            self._observe(self._chosen, count, "some")
+        else:
             self._observe_wrongly(self._chosen, count, first=True)
-            return
-        self._launch("begin_some", count, self.state, self._chosen, base, worlds, self._scratch)
-        self._observe(self._chosen, count, "some")
 
     def true_scan(self) -> Any:
-        """Return the scan of a lidar without errors; see ``PlanarSimulator``."""
+        """Return the scan of a lidar without errors; see ``Simulator``."""
         if self.errors is None:
             return self.scan
         if self._true_ranges is None:

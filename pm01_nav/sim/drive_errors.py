@@ -110,4 +110,6 @@ def true_time(drawn, i, time, key, count):
 @compiled
 def true_crowd(crowd, time):
     """Return how movers are stepped in a control step that takes the ``time`` it takes."""
+    if len(crowd) == 0:
+        return crowd
     return CrowdParams(crowd.model, crowd.avoid_robot, time.substeps * time.dt)

@@ -6,10 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from pm01_nav.compilation import compiled
-from pm01_nav.sim.kernels import draw_start
 from pm01_nav.sim.movers import on_track
 from pm01_nav.sim.pedestrians import begin_leg, draw_place, wanted_velocity
-from pm01_nav.sim.random import uniform
+from pm01_nav.sim.random import draw_row, uniform
 from pm01_nav.worlds.mover_arrays import PEDESTRIAN, TRACK
 
 MOVER_DRAWS, START_DRAWS = 4, 16
@@ -20,6 +19,16 @@ START_TIME = 1.0
 """For so long none of them can reach a start [s]."""
 PLACE_DRAWS = 64
 """Draws of another place for a pedestrian; then the one with most room is taken."""
+
+
+@compiled
+def draw_start(state, i, worlds):
+    """Draw a start from those of the present world; return x, y [m]."""
+    key, count, w = state.rng_key, state.rng_count, state.world[i]
+    start = draw_row(worlds.start_begin, w, uniform(key, count, i))
+    x = worlds.starts[start, 0] + worlds.jitter[w, 0] * (2.0 * uniform(key, count, i) - 1.0)
+    y = worlds.starts[start, 1] + worlds.jitter[w, 0] * (2.0 * uniform(key, count, i) - 1.0)
+    return x, y
 
 
 @compiled(inline=False)

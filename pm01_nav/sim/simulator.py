@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
@@ -12,8 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.arrays import array_namespace
 from pm01_nav.compilation import bound
+from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
-from pm01_nav.sim import crowd_kernels, kernels, perturbed_kernels
+from pm01_nav.sim import engine_kernels, kernels
+from pm01_nav.sim.kernels import ABSENT
 from pm01_nav.sim.lidar import read_scans
 from pm01_nav.sim.perturbation import (
     ErrorState,
@@ -46,11 +49,12 @@ MAX_TRAVEL = 0.05
 """The robot moves at most this far between two checks for contact [m]."""
 
 
-class PlanarSimulator:
-    """Simulate ``num_envs`` independent robots in worlds of a pool.
+class Simulator(ABC):
+    """``num_envs`` independent robots in worlds of a pool; what moves them adds ``step``.
 
-    Every environment has a random stream of its own, so its trajectory depends on its seed and
-    commands alone: not on the size of the batch, not on the number of threads.
+    Worlds, starts, goals, moving obstacles and what sensors say are here, the same for all that
+    move robots. Every environment has a random stream of its own, so its trajectory depends on its
+    seed and commands alone: not on the size of the batch, not on the number of threads.
     """
 
     def __init__(
@@ -93,8 +97,8 @@ class PlanarSimulator:
         self._trail = trail
         self._goal_distance = np.array(goal_distance, dtype=np.float64)
         self._threads = ThreadChoice(alone=num_envs == 1)
-        model = PEDESTRIAN_MODELS[pedestrians]
-        self._crowd = CrowdParams(model, pedestrians_avoid_robot, control_dt)
+        crowd = CrowdParams(PEDESTRIAN_MODELS[pedestrians], pedestrians_avoid_robot, control_dt)
+        self._crowd = crowd if self._has_movers else ABSENT
         self._scene = (base_params(robot), lidar_params(robot), arrays)
         self._time = self._time_step(1.0)
         self.errors: ErrorState | None = None
@@ -126,6 +130,14 @@ class PlanarSimulator:
         self._time = self._time_step(fastest_factor(ranges))
         self._run_step = self._run_reset = None  # other kernels from now on
 
+    @abstractmethod
+    def step(self, command: Any) -> None:
+        """Apply velocity commands (num_envs, axes) [m/s, rad/s] for one control step.
+
+        Raises:
+            ValueError: their shape is another one.
+        """
+
     @property
     def scan(self) -> NDArray[np.float32]:
         """What the lidar says by REP-117 [m], shape (num_envs, num_beams), beam 0 at angle_min.
@@ -154,12 +166,7 @@ class PlanarSimulator:
 
         It is cast anew where the robots are perturbed.
         """
-        if self.errors is None:
-            return self.scan
-        ranges = np.empty_like(self.state.ranges)
-        cast = self._threads.version(perturbed_kernels.true_ranges)
-        cast(self.state, *self._scene, ranges)
-        return self._read(ranges)
+        return self.scan
 
     def _read(self, ranges: NDArray[np.float32]) -> NDArray[np.float32]:
         lidar = self.robot.lidar
@@ -214,17 +221,6 @@ class PlanarSimulator:
             self._run_reset = self._bind_reset(indices)
         self._run_reset(indices)
 
-    def step(self, command: ArrayLike) -> None:
-        """Apply velocity commands (num_envs, axes) [m/s, rad/s] for one control step.
-
-        Raises:
-            ValueError: their shape is another one.
-        """
-        command = self.checked(command)
-        if self._run_step is None:
-            self._run_step = self._bind_step(command)
-        self._threads(self._run_step, command)
-
     def checked(self, command: ArrayLike) -> FloatArray:
         """Return commands as an array of the shape that they must have.
 
@@ -236,32 +232,14 @@ class PlanarSimulator:
             raise ValueError(f"command: shape {command.shape}, needs {self.state.twist.shape}")
         return command
 
-    def _bind_step(self, command: FloatArray) -> Callable[[FloatArray], None]:
-        """Return the function that steps this batch; ``command`` is one as it will be given."""
-        errors: tuple[Any, ...] = ()
-        rest = (*self._scene, self._time, self._trail)
-        kernel = kernels.step_batch
-        if self.errors is not None:
-            kernel, errors = perturbed_kernels.step_batch, (self.errors, self.drawn)
-            rest = (*rest, self._crowd)
-        elif self._has_movers:
-            kernel, rest = crowd_kernels.step_batch, (*rest, self._crowd)
-        kernel = self._threads.version(kernel)
-        run, state = bound(kernel, self.state, *errors, command, *rest), self.state
-        return lambda command: run(state, *errors, command, *rest)
-
     def _bind_reset(self, indices: NDArray[np.int64]) -> Callable[[NDArray[np.int64]], None]:
         """Return the function that resets robots of this batch, such as ``indices``."""
-        errors: tuple[Any, ...] = ()
-        rest = (*self._scene, self._trail, self._goal_distance, self._scratch)
-        kernel = crowd_kernels.reset_some if self._has_movers else kernels.reset_some
-        if self.errors is not None:
-            kernel = perturbed_kernels.reset_some
-            errors = (self.errors, self.drawn, self._ranges)
-        run, state = bound(kernel, self.state, *errors, indices, *rest), self.state
-        return lambda indices: run(state, *errors, indices, *rest)
+        own = (self.state, self.errors or ABSENT, self.drawn or ABSENT, self._ranges or ABSENT)
+        rest = (*self._scene, self._trail, self._goal_distance, self._scratch, self._crowd)
+        run = bound(kernels.reset_some, *own, indices, *rest)
+        return lambda indices: run(*own, indices, *rest)
 
-    def resume(self) -> None:
+    def resume(self) -> None:  # noqa: B027 (a default, not a gap)
         """Go on from arrays that were written from outside: here they are all there is."""
 
     def keep(self, indices: NDArray[np.int64]) -> None:
@@ -274,6 +252,30 @@ class PlanarSimulator:
         self._threads = self._threads.anew()
         self._run_step = self._run_reset = None  # They hold the former arrays.
 
+    def move_obstacles(self) -> None:
+        """Move what moves in the worlds for a control step, where an engine moves the robots."""
+        if self._has_movers:
+            base, _, arrays = self._scene
+            move = self._threads.version(engine_kernels.move_obstacles)
+            move(self.state, base, arrays, self._crowd)
+
+    def perceive(self, indices: NDArray[np.int64], *, first: bool) -> None:
+        """Measure what is owed at the poses and exact ranges that an engine wrote for ``indices``.
+
+        ``first`` tells whether their episodes begin.
+        """
+        engine_kernels.perceive(self.state, indices, *self._scene, self._trail, first)
+
+    def picture(self, i: int, eye_offset: FloatArray, size: tuple[int, int]) -> NDArray[np.uint8]:
+        """Return a picture (height, width, 3) of robot ``i`` and its goal.
+
+        The camera stands ``eye_offset`` (3,) [m] from the robot; ``size`` is width, height [px].
+
+        Raises:
+            InputError: there is nothing to draw with.
+        """
+        raise InputError("render: the planar simulator has nothing to render; add --backend mujoco")
+
     def movers(self, i: int) -> NDArray[np.float64]:
         """Return x, y and radius of the movers of environment i, shape (n, 3) [m]."""
         count = self.state.mover_count[i]
@@ -283,11 +285,8 @@ class PlanarSimulator:
     def place(self, indices: NDArray[np.int64], poses: ArrayLike, goals: ArrayLike) -> None:
         """Put robots at rest at ``poses`` (n, 3) with ``goals`` (n, 2) in their present worlds."""
         self._stand(indices, poses, goals)
-        rest = (indices, *self._scene, self._trail, self._scratch)
-        if self.errors is None:
-            kernels.observe_some(self.state, *rest)
-        else:
-            perturbed_kernels.observe_some(self.state, self.errors, self.drawn, *rest)
+        own = (self.state, self.errors or ABSENT, self.drawn or ABSENT)
+        kernels.observe_some(*own, indices, *self._scene, self._trail, self._scratch)
 
     def _stand(self, indices: Any, poses: Any, goals: Any) -> None:
         """Write poses (n, 3) and goals (n, 2) of robots at rest."""
@@ -299,3 +298,30 @@ class PlanarSimulator:
         state.goal[indices] = goals
         state.twist[indices] = 0.0
         state.contact[indices] = False
+
+
+class PlanarSimulator(Simulator):
+    """Robots that slide over the plane as their drives say, on the CPU."""
+
+    def step(self, command: ArrayLike) -> None:
+        """Apply velocity commands (num_envs, axes) [m/s, rad/s]; see ``Simulator``."""
+        command = self.checked(command)
+        if self._run_step is None:
+            self._run_step = self._bind_step(command)
+        self._threads(self._run_step, command)
+
+    def _bind_step(self, command: FloatArray) -> Callable[[FloatArray], None]:
+        """Return the function that steps this batch; ``command`` is one as it will be given."""
+        own = (self.state, self.errors or ABSENT, self.drawn or ABSENT)
+        rest = (*self._scene, self._time, self._trail, self._crowd)
+        run = bound(self._threads.version(kernels.step_batch), *own, command, *rest)
+        return lambda command: run(*own, command, *rest)
+
+    def true_scan(self) -> NDArray[np.float32]:
+        """Return the scan of a lidar without errors; see ``Simulator``."""
+        if self.errors is None:
+            return self.scan
+        ranges = np.empty_like(self.state.ranges)
+        cast = self._threads.version(kernels.true_ranges)
+        cast(self.state, *self._scene, ranges)
+        return self._read(ranges)

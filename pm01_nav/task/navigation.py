@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pm01_nav.arrays import NUMPY, Arrays
 from pm01_nav.backends import make_simulator
 from pm01_nav.errors import InputError
+from pm01_nav.sim.simulator import Simulator
 from pm01_nav.sim.state import Features, TrailParams
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.observation import ObservationLayout, Observer
@@ -104,7 +105,7 @@ def _reads_ways(config: TaskConfig) -> bool:
 class SeenInSimulation(Seen):
     """What a simulator's robots measure; scans are read only where a part wants every beam."""
 
-    def __init__(self, simulator: Any, action: Any, robots: Any) -> None:
+    def __init__(self, simulator: Simulator, action: Any, robots: Any) -> None:
         """Look at these of the robots, whose last actions are in ``action`` (num_envs, 2)."""
         self._simulator = simulator
         self.robots = robots

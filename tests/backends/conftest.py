@@ -12,12 +12,12 @@ import pytest
 from pm01_nav.arrays import NUMPY
 from pm01_nav.backends import make_simulator
 from pm01_nav.robot import load_robot
-from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.sim.simulator import Simulator
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
 
 HALL = World("hall", (-10.0, -10.0, 10.0, 10.0), discs=np.array([[8.0, 8.0, 0.3]]))
-Make = Callable[..., PlanarSimulator]
+Make = Callable[..., Simulator]
 
 
 @pytest.fixture(params=["mujoco", "pybullet"])
@@ -39,7 +39,7 @@ def make() -> Make:
         world: World = HALL,
         robot: str = "pm01",
         **changes: object,
-    ) -> PlanarSimulator:
+    ) -> Simulator:
         spec = load_robot(robot).model_copy(update=changes)
         pool = build_pool([world], radius=0.3)
         simulator = make_simulator(backend, NUMPY, spec, pool, len(poses))

@@ -3,21 +3,28 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from pm01_nav.backends import BACKENDS, backend
 from pm01_nav.cli.options import task_from_options
 from pm01_nav.envs.nav_env import NavEnv
 from pm01_nav.errors import InputError
-from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.sim.simulator import Simulator
 from pm01_nav.task.tasks import task_config
 from pm01_nav.training.config import run_config
 
 NONE = {"task": "empty", "config_file": None, "changes": ()}
 
 
-class Ice(PlanarSimulator):
-    """Another simulator, as a package of somebody else's would bring it."""
+class Ice(Simulator):
+    """Robots without grip, as a package of somebody else's would bring them."""
+
+    def step(self, command) -> None:
+        """Stand where the episode began."""
+        self.checked(command)
+        self.move_obstacles()
+        self.perceive(np.arange(self.num_envs), first=False)
 
 
 @pytest.fixture
@@ -32,7 +39,14 @@ def test_a_registered_backend_can_be_used_everywhere():
     task = task_from_options(None, backend="ice", **NONE)
     env = NavEnv(task)
     env.reset(seed=0)
-    assert isinstance(env.batch.simulator, Ice)
+    simulator = env.batch.simulator
+    assert isinstance(simulator, Ice)
+    goal = simulator.state.goal_polar.copy()
+    _, _, terminated, truncated, _ = env.step(np.array([1.0, 0.0], dtype=np.float32))
+    # It did not move, so the goal is where it was.
+    assert simulator.state.goal_polar == pytest.approx(goal)
+    assert not terminated
+    assert not truncated
     assert run_config(task, {"steps": 1000}, "test").train.ppo.n_envs == 3
 
 

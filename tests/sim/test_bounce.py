@@ -8,9 +8,9 @@ import pytest
 
 from pm01_nav.geometry import rectangle
 from pm01_nav.sim.bounce import bounce, first_hit
-from pm01_nav.sim.reference_movers import reference_first_hit, reference_gap
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import OccupancyGrid, World
+from tests.sim.reference_movers import reference_first_hit, reference_gap
 
 BOUNDS = (-5.0, -5.0, 5.0, 5.0)
 DIAGONAL = np.sqrt(0.5)

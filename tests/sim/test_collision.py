@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pm01_nav.geometry import rectangle
-from pm01_nav.sim.reference import reference_clearance
 from pm01_nav.worlds.world import OccupancyGrid, World
+from tests.sim.reference import reference_clearance
 
 BOUNDS = (-5.0, -5.0, 5.0, 5.0)
 CIRCLE = {"shape": "circle", "radius": 0.2, "vertices": ()}

@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pm01_nav.sim.reference import reference_motion
 from pm01_nav.worlds.world import World
+from tests.sim.reference import reference_motion
 
 OPEN = World("open", (-5.0, -5.0, 5.0, 5.0))
 AT_ONCE = {

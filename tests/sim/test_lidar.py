@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from pm01_nav.geometry import points_in_polygon, rectangle
 from pm01_nav.robot import full_circle
 from pm01_nav.sim.lidar import ANGLE_ERROR, direction, nearest_in_sectors
-from pm01_nav.sim.reference import reference_scan
 from pm01_nav.sim.state import lidar_params
 from pm01_nav.task.scans import pool_sectors
 from pm01_nav.worlds.world import OccupancyGrid, World
+from tests.sim.reference import reference_scan
 
 BOUNDS = (-5.0, -5.0, 5.0, 5.0)
 TOLERANCE = 1e-5

@@ -12,7 +12,6 @@ import torch
 from numpy.typing import NDArray
 
 from pm01_nav.robot import full_circle
-from pm01_nav.sim.reference import reference_clearance, reference_scan
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
@@ -20,6 +19,7 @@ from pm01_nav.task.tasks import task_config
 from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.pool import WorldPool, build_pool
 from pm01_nav.worlds.world import World
+from tests.sim.reference import reference_clearance, reference_scan
 
 BOUNDS = (-5.0, -5.0, 5.0, 5.0)
 CIRCLE = {"shape": "circle", "radius": 0.2, "vertices": ()}

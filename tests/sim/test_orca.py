@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pm01_nav.sim.orca import avoidance, choose_velocity
-from pm01_nav.sim.reference_movers import reference_avoidance, reference_velocity
+from tests.sim.reference_movers import reference_avoidance, reference_velocity
 
 DT = 0.1
 

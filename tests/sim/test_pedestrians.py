@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from pm01_nav.geometry import polygon_edges, rectangle
 from pm01_nav.robot import full_circle
 from pm01_nav.sim.pedestrians import COURTESY
-from pm01_nav.sim.reference_movers import (
+from pm01_nav.sim.simulator import PlanarSimulator
+from pm01_nav.sim.social_force import decay, repulsion, turn_of
+from pm01_nav.worlds.mover import Mover
+from pm01_nav.worlds.pool import build_pool
+from pm01_nav.worlds.world import OccupancyGrid, World
+from tests.sim.reference_movers import (
     nearest_points,
     plan_by_forces,
     plan_by_orca,
     reference_crowd_step,
     reference_repulsion,
 )
-from pm01_nav.sim.simulator import PlanarSimulator
-from pm01_nav.sim.social_force import decay, repulsion, turn_of
-from pm01_nav.worlds.mover import Mover
-from pm01_nav.worlds.pool import build_pool
-from pm01_nav.worlds.world import OccupancyGrid, World
 
 BOUNDS = (0.0, 0.0, 10.0, 10.0)
 MODELS = ("orca", "social_force")

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pm01_nav.geometry import rectangle
 from pm01_nav.robot import RobotSpec, full_circle
 from pm01_nav.sim.lidar_errors import SEGMENT_NUMBERS, is_dark, patch_number
-from pm01_nav.sim.reference import reference_scan
 from pm01_nav.worlds.world import OccupancyGrid, World
+from tests.sim.reference import reference_scan
 
 BOUNDS = (-5.0, -5.0, 5.0, 5.0)
 TOLERANCE = 2e-5

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pm01_nav.benchmark.evaluate import Evaluator
 from pm01_nav.envs.vector_env import NavVectorEnv
 from pm01_nav.policy import OnnxPolicy
 from pm01_nav.task.config import RewardTerm, TaskConfig
@@ -20,10 +19,15 @@ from pm01_nav.training.run_folder import RunFolder
 from pm01_nav.training.trainer import train
 from tests.training.progress import Quiet
 
-STEPS = {"ppo": 30_000, "ppo_lstm": 30_000, "sac": 12_000, "td3": 12_000, "tqc": 12_000}
+STEPS = {"ppo": 30_000, "ppo_lstm": 20_000, "sac": 12_000, "td3": 20_000, "tqc": 12_000}
 SMALL: dict[str, Any] = {"n_envs": 32, "net_arch": [32, 32], "learning_rate": 3e-3}
 ON_POLICY = SMALL | {"n_steps": 32, "batch_size": 256, "n_epochs": 5, "gamma": 0.9}
 OFF_POLICY = SMALL | {"train_freq": 1, "gradient_steps": 1, "learning_starts": 500, "gamma": 0.9}
+MORE: dict[str, Any] = {
+    "ppo_lstm": {"lstm_hidden_size": 16},
+    "td3": {"learning_rate": 1e-3, "gradient_steps": 2},
+    "tqc": {"n_quantiles": 5, "top_quantiles_to_drop_per_net": 0, "gradient_steps": 2},
+}
 
 
 def probe() -> TaskConfig:
@@ -65,8 +69,10 @@ def facing(policy: OnnxPolicy | None) -> float:
 @pytest.mark.parametrize("algo", ALGORITHMS)
 def test_every_algorithm_learns_to_face_the_goal(algo: str, tmp_path) -> None:
     settings = ON_POLICY if algo.startswith("ppo") else OFF_POLICY
-    steps = STEPS[algo]
-    began = time.time()
-    policy = learned(probe(), algo, tmp_path / algo, steps=steps, eval_every=steps, **{algo: settings})
-    print(algo, time.time() - began, facing(None), facing(policy))
-    assert facing(policy) > 0.8
+    more = {"steps": STEPS[algo], "eval_every": STEPS[algo], algo: settings | MORE.get(algo, {})}
+    policy = learned(probe(), algo, tmp_path / algo, **more)
+    # Goals lie in any direction, so who stands faces them half. Who turns there at once at 1.5
+    # rad/s has 0 to 2.1 s of 4 s to go: half of that time it is off by half of its first error,
+    # 0.25 on average: 1 - 0.26 x 0.25 = 0.93. Here 0.85 to 0.89 were reached.
+    assert facing(None) < 0.55
+    assert facing(policy) > 0.75

@@ -12,7 +12,6 @@ from scipy import ndimage
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import points_in_polygon, rectangle
 from pm01_nav.robot import full_circle, load_robot
-from pm01_nav.sim.reference import reference_clearance
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.tasks import task_config
@@ -22,6 +21,7 @@ from pm01_nav.worlds.free_space import free_space, shortest_path, shortest_path_
 from pm01_nav.worlds.pool import WorldPool, build_pool, generate_pool
 from pm01_nav.worlds.suites import suites
 from pm01_nav.worlds.world import OccupancyGrid, World
+from tests.sim.reference import reference_clearance
 
 RADIUS = 0.27
 """pm01's 0.17 m and the task's margin of 0.1 m."""

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from pm01_nav.geometry import points_in_polygon, rectangle
 from pm01_nav.robot import load_robot
 from pm01_nav.sim.lidar import BEAM_ERROR
-from pm01_nav.sim.reference import reference_clearance, reference_scan
 from pm01_nav.sim.simulator import PlanarSimulator
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.suites import suites
 from pm01_nav.worlds.views import CELL, MARGIN, Views, list_views
 from pm01_nav.worlds.world import World
+from tests.sim.reference import reference_clearance, reference_scan
 
 BOUNDS = (0.0, 0.0, 4.0, 4.0)
 

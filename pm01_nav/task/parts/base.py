@@ -12,12 +12,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 from pm01_nav.arrays import Arrays
 from pm01_nav.drives import Drive
 from pm01_nav.errors import InputError
 from pm01_nav.task.scans import ScanGeometry, pool_sectors
+
+if TYPE_CHECKING:
+    from pm01_nav.sim.simulator import Simulator
 
 ALL = slice(None)
 
@@ -117,7 +120,7 @@ class ObservationPart:
         """Return a fresh memory for ``count`` robots that are seen every ``control_dt`` [s]."""
         return NO_MEMORY
 
-    def simulated_memory(self, simulator: Any, arrays: Arrays) -> Memory:
+    def simulated_memory(self, simulator: Simulator, arrays: Arrays) -> Memory:
         """Return the memory of all robots of a simulator, which may keep it itself."""
         return self.memory(simulator.num_envs, simulator.control_dt, arrays)
 

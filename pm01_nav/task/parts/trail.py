@@ -5,11 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pm01_nav.arrays import Arrays
 from pm01_nav.task.parts.base import Elapsed, Memory, ObservationPart, Seen, observation_part
 from pm01_nav.task.trail import Trail, TrailLayout
+
+if TYPE_CHECKING:
+    from pm01_nav.sim.simulator import Simulator
 
 DEFAULT = TrailLayout()
 
@@ -52,7 +55,7 @@ class Visited(ObservationPart):
         """Return the places where robots have been by their odometry."""
         return TrailMemory(Trail(self.layout, control_dt, count))
 
-    def simulated_memory(self, simulator: Any, arrays: Arrays) -> Memory:
+    def simulated_memory(self, simulator: Simulator, arrays: Arrays) -> Memory:
         """Return what the simulator keeps."""
         return SimulatedTrail(simulator)
 
@@ -88,7 +91,7 @@ class TrailMemory(Memory):
 class SimulatedTrail(Memory):
     """The trails that a simulator keeps in its state."""
 
-    def __init__(self, simulator: Any) -> None:
+    def __init__(self, simulator: Simulator) -> None:
         """Read from ``simulator``."""
         self._simulator = simulator
 

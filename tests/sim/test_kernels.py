@@ -1,14 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Perturbed robots as a whole: without errors as any other, padded, true, and reproducible."""
+"""Kernels have only the code that a batch needs; perturbed robots as a whole.
+
+Without errors these are as any other, padded, true, and reproducible.
+"""
 
 from __future__ import annotations
+
+import inspect
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 import pytest
+from numba.core.analysis import dead_branch_prune, rewrite_semantic_constants
+from numba.core.compiler import run_frontend
+from numba.core.ir import Assign, Global
+from numba.core.registry import CPUDispatcher
 from numpy.typing import NDArray
 
 from pm01_nav.robot import full_circle
+from pm01_nav.sim import kernels
+from pm01_nav.sim.kernels import ABSENT
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.randomization import RandomizationConfig, default_randomization
@@ -63,6 +75,46 @@ def started(pool: WorldPool, num_envs: int, seed: int) -> NavigationBatch:
 def assert_bit_equal(one: dict[str, NDArray], two: dict[str, NDArray]) -> None:
     for name in one:
         assert one[name].tobytes() == two[name].tobytes(), name
+
+
+class Something(NamedTuple):
+    value: float
+
+
+def called(kernel: Any, **absent: tuple[()]) -> set[str]:
+    """Return which of our compiled functions a kernel calls, once numba has left out the rest.
+
+    All of its arguments are named tuples with something in them but for the ``absent``.
+    """
+    names = inspect.signature(kernel.py_func).parameters
+    types = [numba.typeof(absent.get(name, Something(1.0))) for name in names]
+    code = run_frontend(kernel.py_func)
+    rewrite_semantic_constants(code, types)
+    dead_branch_prune(code, types)
+    values = [line.value for block in code.blocks.values() for line in block.find_insts(Assign)]
+    found = [value.value for value in values if isinstance(value, Global)]
+    return {f.py_func.__name__ for f in found if isinstance(f, CPUDispatcher)}
+
+
+@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.parametrize("wrong", [False, True])
+def test_kernels_have_code_for_what_a_batch_has_only(moves: bool, wrong: bool) -> None:
+    errors = {} if wrong else {"errors": ABSENT}
+    crowd = {} if moves else {"crowd": ABSENT}
+    step = "step_among_movers" if moves else "step_some"
+    assert called(kernels.step_batch, **errors, **crowd) == {step}
+    observe = {"observe_wrongly"} if wrong else {"observe"}
+    assert called(kernels.step_some, **errors, **crowd) == {"advance"} | observe
+    assert called(kernels.begin, **errors) == {"begin_episode"} | observe
+    wrongly = {"drive", "true_time", "true_crowd", "true_base", "advance_odometry"}
+    expected = {"move_movers", "move"} | (wrongly if wrong else set())
+    assert called(kernels.advance, **errors, **crowd) == expected
+    assert called(kernels.move_movers, **crowd) == ({"step_movers"} if moves else set())
+    placed = {"choose_world", "place", "place_start" if moves else "draw_start"}
+    placed |= {"draw_errors"} if wrong else set()
+    assert called(kernels.place_anew, **errors, **crowd) == placed
+    begun = {"begin_commands", "begin_odometry"} if wrong else set()
+    assert called(kernels.begin_episode, **errors) == {"begin_trail", "spread_distance"} | begun
 
 
 @pytest.mark.parametrize("suite", ["static", "warehouse", "barn_like"])

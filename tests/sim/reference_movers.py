@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
-from pm01_nav.sim.reference import solid_boxes, to_frame
 from pm01_nav.worlds.world import World
+from tests.sim.reference import solid_boxes, to_frame
 
 FloatArray = NDArray[np.float64]
 
