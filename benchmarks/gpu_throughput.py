@@ -86,7 +86,7 @@ def learner_speed(num_envs: int, on: Arrays) -> dict[str, Any]:
     settings = merge(device_defaults("cuda"), {"device": "cuda", "steps": 1})
     batch_size = LARGE["batch_size"] * num_envs // LARGE["n_envs"]
     large = {**LARGE, "n_envs": num_envs, "batch_size": batch_size}
-    config = validate(TrainConfig, merge(settings, {"ppo": large}), "benchmark").ppo
+    config = validate(TrainConfig, merge(settings, {"ppo": large}), "benchmark").hyperparameters
     task = task_config("static")
     batch = NavigationBatch(task, world_pool(task, "train", task.num_worlds), num_envs, arrays=on)
     torch.set_float32_matmul_precision("high")

@@ -28,8 +28,8 @@ from pm01_nav.envs.sb3_vec_env import NavVecEnv
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
-from pm01_nav.training.algorithm_config import PPOConfig
-from pm01_nav.training.ppo import PPO_ALGORITHM
+from pm01_nav.training.algorithms.ppo import PPOConfig
+from pm01_nav.training.ppo import PPOAlgorithm
 from pm01_nav.training.runtime import keep_freed_memory
 
 
@@ -81,7 +81,7 @@ def cost_of_environment(
     """Compare a learner on our environment with one on an environment that does nothing."""
     torch.set_num_threads(threads)
     models = [
-        PPO_ALGORITHM.make(
+        PPOAlgorithm().make(
             config, env, batch.layout, seed=0, learning_rate=lambda _: config.learning_rate
         )
         for env in (NavVecEnv(batch), IdleVecEnv(batch))
@@ -100,7 +100,7 @@ def cost_of_company(
 ) -> dict[str, Any]:
     """Compare a learner alone with one beside processes that keep every core busy."""
     torch.set_num_threads(threads)
-    model = PPO_ALGORITHM.make(
+    model = PPOAlgorithm().make(
         config,
         NavVecEnv(batch),
         batch.layout,

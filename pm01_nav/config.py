@@ -23,6 +23,11 @@ class FrozenModel(BaseModel):
         frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True
     )
 
+    @classmethod
+    def keys(cls) -> dict[str, Any]:
+        """Return what may be given, and the type of each."""
+        return {name: field.annotation for name, field in cls.model_fields.items()}
+
 
 def write_atomically(path: str | Path, content: str | bytes) -> None:
     """Write a file under a temporary name and rename it, so that no reader sees half of it."""
@@ -128,15 +133,15 @@ def _siblings(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
     annotation: Any = model
     for part in location[:-1]:
         if _is_model(annotation):
-            annotation = annotation.model_fields[str(part)].annotation
+            annotation = annotation.keys()[str(part)]
         elif get_origin(annotation) is dict:
             annotation = get_args(annotation)[1]
     if not _is_model(annotation):
         return "see the documentation"
-    return ", ".join(annotation.model_fields) or "none"
+    return ", ".join(annotation.keys()) or "none"
 
 
 def _is_model(annotation: Any) -> bool:
     # On Python 3.10 dict[str, float] is an instance of type, too.
     is_class = isinstance(annotation, type) and get_origin(annotation) is None
-    return is_class and issubclass(annotation, BaseModel)
+    return is_class and issubclass(annotation, FrozenModel)

@@ -176,7 +176,7 @@ def _threads() -> list[Finding]:
 
     from pm01_nav.task.config import observation_layout
     from pm01_nav.task.tasks import task_config
-    from pm01_nav.training.algorithm_config import PPOConfig
+    from pm01_nav.training.algorithms.ppo import PPOConfig
     from pm01_nav.training.runtime import choose_threads
 
     ppo, task = PPOConfig.model_validate({}), task_config("static")

@@ -18,6 +18,7 @@ from pm01_nav.cli.options import (
     task_from_options,
     task_options,
 )
+from pm01_nav.cli.tables import TableOption
 
 if TYPE_CHECKING:
     from pm01_nav.training.config import RunConfig
@@ -34,7 +35,8 @@ OPTIONS = (
     click.option(
         "--algo",
         metavar="NAME",
-        help="The algorithm: ppo, ppo_lstm, sac, td3 or tqc.  [default: ppo]",
+        cls=TableOption,
+        help="The algorithm: {algorithms}.  [default: ppo]",
     ),
     click.option(
         "--preset",

@@ -1,23 +1,59 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the algorithms' hyper-parameters mean, by the names that SB3 and RL Zoo give them.
+"""The table of algorithms: their hyper-parameters, and what a run expects of them.
 
-Their values stand in ``hyperparameters/<algorithm>.yaml``; those that are given go over them.
+Hyper-parameters have the names that SB3 and RL Zoo give them. Their values stand in
+``hyperparameters/<algorithm>.yaml``, if there is such a file, and else in the algorithm's own class
+(``algorithms/``); those that are given go over them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, TypeVar
 
 from pydantic import Field, model_validator
 
 from pm01_nav.config import FrozenModel
-from pm01_nav.robot import NonNegative, Positive
+from pm01_nav.robot import Positive
 from pm01_nav.training.hyperparameters import stored_values
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.vec_env import VecEnv
+
+    from pm01_nav.task.observation import ObservationLayout
 
 Count = Annotated[int, Field(ge=1)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
-EntropyCoefficient = Annotated[str, Field(pattern=r"^auto(_[0-9.]+)?$")] | NonNegative
+Rate = Callable[[float], float]
+"""The learning rate as SB3 asks for it."""
+
+
+class Algorithm(Protocol):
+    """How learners are built, stored and gone on with; ``config`` is a section of ``train``."""
+
+    def make(
+        self,
+        config: Any,
+        env: VecEnv,
+        layout: ObservationLayout,
+        *,
+        seed: int,
+        learning_rate: Rate,
+    ) -> Any:
+        """Build the learner, one of SB3's or of its kind."""
+        ...
+
+    def make_policy(self, config: Any, layout: ObservationLayout) -> Any:
+        """Build the policy alone, with fresh weights."""
+        ...
+
+    def state(self, model: Any) -> dict[str, Any]:
+        """Return what the learner needs to go on, beyond its policy: tensors and plain data."""
+        ...
+
+    def restore(self, model: Any, state: dict[str, Any]) -> None:
+        """Go on from ``state``."""
+        ...
 
 
 class ConvolutionConfig(FrozenModel):
@@ -37,10 +73,12 @@ class ConvolutionConfig(FrozenModel):
 
 
 class AlgorithmConfig(FrozenModel):
-    """What all algorithms have in common."""
+    """What all algorithms have in common. One is a subclass under ``@algorithm``."""
 
-    file: ClassVar[str]
-    """The YAML file with the values that are not given."""
+    name: ClassVar[str] = ""
+    """What ``@algorithm`` says."""
+    off_policy: ClassVar[bool] = False
+    """Whether it learns from a replay buffer."""
 
     n_envs: Count
     """Robots that drive side by side."""
@@ -69,60 +107,43 @@ class AlgorithmConfig(FrozenModel):
     @model_validator(mode="before")
     @classmethod
     def _over_stored(cls, given: Any) -> Any:
-        return {**stored_values(cls.file), **given} if isinstance(given, Mapping) else given
+        return {**stored_values(cls.name), **given} if isinstance(given, Mapping) else given
 
     @property
     def samples(self) -> int:
         """Environment steps of an iteration, after which one is logged, all robots together."""
         raise NotImplementedError
 
+    @classmethod
+    def few_robots(cls, n_envs: int) -> dict[str, Any]:
+        """Return what suits a simulator better that drives ``n_envs`` robots and no more."""
+        return {"n_envs": n_envs}
 
-class PPOConfig(AlgorithmConfig):
-    """Hyper-parameters of PPO."""
-
-    file = "ppo"
-    batch_size: Annotated[int, Field(ge=2)]
-    """Samples in a minibatch, 2 or more: each one's advantages are divided by their deviation."""
-    n_steps: Count
-    """Steps of each robot between two updates."""
-    n_epochs: Count
-    """Passes over the steps between two updates."""
-    gae_lambda: Fraction
-    clip_range: Positive
-    ent_coef: NonNegative
-    """Without it the exploration on ``mixed`` ends after 5 M steps, and the learning with it."""
-    vf_coef: NonNegative
-    max_grad_norm: Positive
-    log_std_init: float
-
-    @property
-    def samples(self) -> int:
-        """Environment steps of an iteration: those between two updates."""
-        return self.n_envs * self.n_steps
-
-    @model_validator(mode="after")
-    def _is_divided(self) -> PPOConfig:
-        if self.samples % self.batch_size:
-            raise ValueError(
-                f"{self.file}.batch_size must divide {self.file}.n_envs x {self.file}.n_steps = "
-                f"{self.samples}, not {self.batch_size}"
-            )
-        return self
+    @staticmethod
+    def implementation() -> Algorithm:
+        """Return what builds the learner; torch and its like are imported here and no sooner."""
+        raise NotImplementedError
 
 
-class PPOLSTMConfig(PPOConfig):
-    """Hyper-parameters of RecurrentPPO: PPO whose actor remembers."""
+ALGORITHMS: dict[str, type[AlgorithmConfig]] = {}
+Config = TypeVar("Config", bound=type[AlgorithmConfig])
 
-    file = "ppo_lstm"
-    lstm_hidden_size: Count
-    n_lstm_layers: Count
-    enable_critic_lstm: bool
-    """Whether the critic has a memory of its own; else it sees the present alone."""
+
+def algorithm(name: str) -> Callable[[Config], Config]:
+    """Enter an algorithm, by its hyper-parameters, in the table."""
+
+    def enter(config: Config) -> Config:
+        config.name = name
+        ALGORITHMS[name] = config
+        return config
+
+    return enter
 
 
 class OffPolicyConfig(AlgorithmConfig):
     """What algorithms with a replay buffer have in common."""
 
+    off_policy = True
     buffer_size: Count
     """Steps that are remembered, all robots together."""
     learning_starts: Count
@@ -148,35 +169,19 @@ class OffPolicyConfig(AlgorithmConfig):
     def _holds_a_round(self) -> OffPolicyConfig:
         round_size = self.n_envs * self.train_freq
         if self.buffer_size < round_size:
-            raise ValueError(f"{self.file}.buffer_size must be {round_size} or more: one round")
+            raise ValueError(f"{self.name}.buffer_size must be {round_size} or more: one round")
         return self
 
+    @classmethod
+    def few_robots(cls, n_envs: int) -> dict[str, Any]:
+        """Begin to learn early, since steps are dear."""
+        return {"n_envs": n_envs, "learning_starts": 1000}
 
-class SACConfig(OffPolicyConfig):
-    """Hyper-parameters of SAC."""
+    def learner_arguments(self, num_commands: int) -> dict[str, Any]:
+        """Return the arguments that this algorithm's learner alone takes."""
+        del num_commands
+        return {}
 
-    file = "sac"
-    ent_coef: EntropyCoefficient
-    """Weight of the entropy; ``auto_X`` begins with X and keeps to ``target_entropy``."""
-    target_entropy: Literal["auto"] | float
-    """``auto`` is minus the number of actions."""
-
-
-class TQCConfig(SACConfig):
-    """Hyper-parameters of TQC: SAC with a distribution of returns, its top left out."""
-
-    file = "tqc"
-    n_quantiles: Count
-    top_quantiles_to_drop_per_net: Annotated[int, Field(ge=0)]
-
-
-class TD3Config(OffPolicyConfig):
-    """Hyper-parameters of TD3."""
-
-    file = "td3"
-    noise_std: NonNegative
-    """Deviation of the exploration's normal noise, of actions in [-1, 1]."""
-    policy_delay: Count
-    """Updates of the critics for each one of the actor."""
-    target_policy_noise: NonNegative
-    target_noise_clip: NonNegative
+    def policy_arguments(self) -> dict[str, Any]:
+        """Return those of its policy, beside the network's."""
+        return {"n_critics": self.n_critics}

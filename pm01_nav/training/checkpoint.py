@@ -16,8 +16,8 @@ import numpy as np
 import torch
 
 from pm01_nav.errors import InputError
+from pm01_nav.training.algorithm_config import Algorithm
 from pm01_nav.training.environment import environment_state, restore_environment
-from pm01_nav.training.learner import Algorithm
 from pm01_nav.training.remote_batch import Batch
 
 FORMAT = 2

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, create_model, model_validator
 
 from pm01_nav.arrays import Device
 from pm01_nav.backends import BACKENDS
@@ -14,20 +14,11 @@ from pm01_nav.config import FrozenModel, merge, validate
 from pm01_nav.robot import Positive
 from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.curriculum import AutomaticConfig, CurriculumName, StagedConfig
-from pm01_nav.training.algorithm_config import (
-    AlgorithmConfig,
-    Count,
-    PPOConfig,
-    PPOLSTMConfig,
-    SACConfig,
-    TD3Config,
-    TQCConfig,
-)
+from pm01_nav.training.algorithm_config import Count
+from pm01_nav.training.algorithms import ALGORITHMS
 from pm01_nav.training.curiosity_config import ICMConfig, RNDConfig
 from pm01_nav.training.hyperparameters import stored_values
 
-AlgorithmName = Literal["ppo", "ppo_lstm", "sac", "td3", "tqc"]
-OFF_POLICY = ("sac", "td3", "tqc")
 DEFAULT_TIME_BUDGET = 60.0
 """Of a run that is told no end [s]."""
 
@@ -38,7 +29,8 @@ def algorithm_defaults(algo: str) -> dict[str, Any]:
     With a replay buffer a step costs several times as much and teaches more, and success wavers
     from one evaluation to the next: the best of many is kept.
     """
-    return {"eval_every": 100_000} if algo in OFF_POLICY else {}
+    config = ALGORITHMS.get(str(algo))
+    return {"eval_every": 100_000} if config and config.off_policy else {}
 
 
 def preset_defaults(preset: str) -> dict[str, dict[str, Any]]:
@@ -64,18 +56,26 @@ def backend_defaults(backend: str) -> dict[str, Any]:
     n_envs = BACKENDS[backend].most_robots
     if n_envs is None:
         return {}
-    few = {"n_envs": n_envs, "n_steps": 256, "batch_size": 256}
-    ppo = few | {"n_epochs": 10, "learning_rate": 3e-4, "learning_rate_final": 1.0}
-    off_policy = {"n_envs": n_envs, "learning_starts": 1000}
-    sections = {"ppo": ppo, **{name: off_policy for name in OFF_POLICY}}
+    sections = {name: config.few_robots(n_envs) for name, config in ALGORITHMS.items()}
     return {"eval_every": 50_000, "eval_episodes": 20, **sections}
 
 
-class TrainConfig(FrozenModel):
-    """One training run: what, how, how long and how often to look."""
+def _known(name: str) -> str:
+    if name not in ALGORITHMS:
+        raise ValueError(f"unknown; allowed: {', '.join(ALGORITHMS)}")
+    return name
 
-    algo: AlgorithmName = "ppo"
-    """The algorithm; its hyper-parameters stand in the section of its name."""
+
+class TrainConfig(FrozenModel):
+    """One training run: what, how, how long and how often to look.
+
+    Beside these keys there is the section of the algorithm, under its name.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    algo: Annotated[str, AfterValidator(_known)] = "ppo"
+    """The algorithm: a name of the table ``ALGORITHMS``."""
     preset: Literal["default", "quick"] = "default"
     """Hyper-parameters to begin with; ``quick`` is PPO for budgets of some seconds."""
     learner: Literal["sb3", "rsl_rl"] = "sb3"
@@ -96,11 +96,6 @@ class TrainConfig(FrozenModel):
     """Threads of the learner; 0 measures at the start which number is fastest."""
     workers: Count | None = None
     """Processes or machines that collect the experience, each with its share of the robots."""
-    ppo: PPOConfig = PPOConfig.model_validate({})
-    ppo_lstm: PPOLSTMConfig = PPOLSTMConfig.model_validate({})
-    sac: SACConfig = SACConfig.model_validate({})
-    td3: TD3Config = TD3Config.model_validate({})
-    tqc: TQCConfig = TQCConfig.model_validate({})
     track: Literal["none", "wandb"] = "none"
     """Where metrics go beside TensorBoard."""
     icm: ICMConfig | None = None
@@ -116,15 +111,23 @@ class TrainConfig(FrozenModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _over_preset(cls, given: Any) -> Any:
-        if not isinstance(given, Mapping) or given.get("preset") != "quick":
+    def _with_hyperparameters(cls, given: Any) -> Any:
+        """Put the algorithm's section in place; those of others are checked and left out."""
+        if not isinstance(given, Mapping) or str(given.get("algo", "ppo")) not in ALGORITHMS:
             return given
-        if given.get("algo", "ppo") != "ppo":
-            raise ValueError("preset = quick: is for ppo alone")
-        own = given.get("ppo", {})
-        if not isinstance(own, Mapping):
-            return given
-        return {**given, "ppo": {**stored_values("ppo_quick"), **own}}
+        algo = given.get("algo", "ppo")
+        own = {name: value for name, value in given.items() if name in cls.model_fields}
+        sections = {algo: {}, **{name: given[name] for name in given if name not in own}}
+        if given.get("preset") == "quick":
+            sections[algo] = _over_quick(algo, sections[algo])
+        fields: Any = {name: (ALGORITHMS[name], ...) for name in sections if name in ALGORITHMS}
+        known = create_model("Sections", __base__=FrozenModel, **fields)
+        return {**own, algo: getattr(known.model_validate(sections), algo)}
+
+    @classmethod
+    def keys(cls) -> dict[str, Any]:
+        """Return the sections of all algorithms as well."""
+        return super().keys() | ALGORITHMS
 
     @model_validator(mode="after")
     def _ends(self) -> TrainConfig:
@@ -144,7 +147,7 @@ class TrainConfig(FrozenModel):
         plain = {"features_extractor": "flat", "asymmetric_critic": False}
         plain |= {"norm_obs": False, "norm_reward": False}
         for name, value in plain.items():
-            if getattr(self.ppo, name) != value:
+            if getattr(self.hyperparameters, name) != value:
                 raise ValueError(f"ppo.{name}: rsl_rl does not have it; give learner = sb3")
         for name in ("icm", "rnd"):
             if getattr(self, name) is not None:
@@ -154,18 +157,26 @@ class TrainConfig(FrozenModel):
         if self.algo != "ppo" or self.learner != "sb3":
             raise ValueError(f"workers = {workers}: they collect for algo ppo, learner sb3 alone")
         # Their statistics would have to be shared step by step.
-        shared = {"ppo.norm_obs": self.ppo.norm_obs, "ppo.norm_reward": self.ppo.norm_reward}
+        ppo = self.hyperparameters
+        shared = {"ppo.norm_obs": ppo.norm_obs, "ppo.norm_reward": ppo.norm_reward}
         shared |= {"icm": self.icm is not None, "rnd": self.rnd is not None}
         for name, given in shared.items():
             if given:
                 raise ValueError(f"{name}: cannot be had with workers")
-        if self.ppo.n_envs % workers:
-            raise ValueError(f"workers = {workers}: must divide ppo.n_envs = {self.ppo.n_envs}")
+        if ppo.n_envs % workers:
+            raise ValueError(f"workers = {workers}: must divide ppo.n_envs = {ppo.n_envs}")
 
     @property
-    def hyperparameters(self) -> AlgorithmConfig:
-        """The section of the algorithm in use."""
+    def hyperparameters(self) -> Any:
+        """The section of the algorithm, an ``AlgorithmConfig``."""
         return getattr(self, self.algo)
+
+
+def _over_quick(algo: str, given: Any) -> Any:
+    """Lay hyper-parameters over those of ``preset: quick``."""
+    if algo != "ppo":
+        raise ValueError("preset = quick: is for ppo alone")
+    return {**stored_values("ppo_quick"), **given} if isinstance(given, Mapping) else given
 
 
 class RunConfig(FrozenModel):

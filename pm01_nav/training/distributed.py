@@ -16,10 +16,10 @@ from stable_baselines3 import PPO
 from pm01_nav.envs.spaces import action_space
 from pm01_nav.standing import Host, StandingWorkers
 from pm01_nav.task.navigation import Episodes
+from pm01_nav.training.algorithm_config import Rate
 from pm01_nav.training.config import RunConfig
-from pm01_nav.training.learner import Rate
 from pm01_nav.training.networks import network_space
-from pm01_nav.training.ppo import policy_arguments, policy_class, update_arguments
+from pm01_nav.training.ppo import PPOAlgorithm, update_arguments
 from pm01_nav.training.remote_batch import RemoteBatch
 from pm01_nav.training.rollout import Assignment, Rollout, collect
 from pm01_nav.training.supervision import WATCHED_ROBOTS, Supervision
@@ -32,12 +32,12 @@ class DistributedPPO(PPO):
         self, config: RunConfig, batch: RemoteBatch, *, learning_rate: Rate, host: Host
     ) -> None:
         """Build the learner; the workers are started by ``learn``."""
-        settings = config.train.ppo
+        settings = config.train.hyperparameters
         super().__init__(
-            policy_class(settings),
+            PPOAlgorithm().policy_class(settings),
             None,  # type: ignore[arg-type]  # as SB3 itself does before it loads a model
             learning_rate=learning_rate,
-            policy_kwargs=policy_arguments(settings, batch.layout),
+            policy_kwargs=PPOAlgorithm().policy_arguments(settings, batch.layout),
             seed=config.train.seed,
             device="cpu",
             _init_setup_model=False,

@@ -10,38 +10,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import torch
-from sb3_contrib import TQC
-from sb3_contrib.tqc.policies import TQCPolicy
-from stable_baselines3 import SAC, TD3
-from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.sac.policies import SACPolicy
-from stable_baselines3.td3.policies import TD3Policy
 
 from pm01_nav.envs.spaces import action_space
 from pm01_nav.task.observation import ObservationLayout
-from pm01_nav.training.algorithm_config import OffPolicyConfig, SACConfig, TD3Config, TQCConfig
-from pm01_nav.training.learner import Rate
+from pm01_nav.training.algorithm_config import OffPolicyConfig, Rate
 from pm01_nav.training.networks import AsymmetricCritics, network_arguments, network_space
 
 BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 """Arrays of SB3's replay buffer, the first dimension being time."""
-
-
-class AsymmetricSAC(AsymmetricCritics, SACPolicy):
-    """SAC's policy with critics that see more."""
-
-
-class AsymmetricTD3(AsymmetricCritics, TD3Policy):
-    """TD3's policy with critics that see more."""
-
-
-class AsymmetricTQC(AsymmetricCritics, TQCPolicy):
-    """TQC's policy with critics that see more."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +30,6 @@ class OffPolicy:
 
     learner: type[OffPolicyAlgorithm]
     policy: type[BasePolicy]
-    asymmetric: type[BasePolicy]
 
     def make(
         self,
@@ -74,7 +53,7 @@ class OffPolicy:
             seed=seed,
             device="cpu",
             **{name: getattr(config, name) for name in names},
-            **_own_arguments(config),
+            **config.learner_arguments(*env.action_space.shape),
         )
 
     def make_policy(self, config: OffPolicyConfig, layout: ObservationLayout) -> BasePolicy:
@@ -121,33 +100,14 @@ class OffPolicy:
         model._episode_num = state["episodes"]
 
     def _policy_class(self, config: OffPolicyConfig) -> type[BasePolicy]:
-        return self.asymmetric if config.asymmetric_critic else self.policy
+        if not config.asymmetric_critic:
+            return self.policy
+        return type(f"Asymmetric{self.policy.__name__}", (AsymmetricCritics, self.policy), {})
 
     def _policy_arguments(
         self, config: OffPolicyConfig, layout: ObservationLayout
     ) -> dict[str, Any]:
-        arguments = network_arguments(config, layout) | {"n_critics": config.n_critics}
-        if isinstance(config, TQCConfig):
-            arguments["n_quantiles"] = config.n_quantiles
-        return arguments
-
-
-SAC_ALGORITHM = OffPolicy(SAC, SACPolicy, AsymmetricSAC)
-TD3_ALGORITHM = OffPolicy(TD3, TD3Policy, AsymmetricTD3)
-TQC_ALGORITHM = OffPolicy(TQC, TQCPolicy, AsymmetricTQC)
-
-
-def _own_arguments(config: OffPolicyConfig) -> dict[str, Any]:
-    """Return the arguments that only this algorithm takes."""
-    if isinstance(config, TD3Config):
-        names = ("policy_delay", "target_policy_noise", "target_noise_clip")
-        noise = NormalActionNoise(np.zeros(2), np.full(2, config.noise_std))
-        return {"action_noise": noise} | {name: getattr(config, name) for name in names}
-    assert isinstance(config, SACConfig)
-    arguments = {"ent_coef": config.ent_coef, "target_entropy": config.target_entropy}
-    if isinstance(config, TQCConfig):
-        arguments["top_quantiles_to_drop_per_net"] = config.top_quantiles_to_drop_per_net
-    return arguments
+        return network_arguments(config, layout) | config.policy_arguments()
 
 
 def _optimizers(model: OffPolicyAlgorithm) -> dict[str, torch.optim.Optimizer]:

@@ -11,8 +11,9 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from pm01_nav.envs.spaces import action_space
 from pm01_nav.task.observation import ObservationLayout
-from pm01_nav.training.algorithm_config import PPOConfig
-from pm01_nav.training.learner import Rate, on_policy_state, restore_on_policy
+from pm01_nav.training.algorithm_config import Rate
+from pm01_nav.training.algorithms.ppo import PPOConfig
+from pm01_nav.training.learner import on_policy_state, restore_on_policy
 from pm01_nav.training.networks import AsymmetricActorCritic, network_arguments, network_space
 from pm01_nav.training.optimizer import EagerAdam
 
@@ -23,6 +24,10 @@ ADAM_EPS = 1e-5
 class PPOAlgorithm:
     """PPO, as the table of algorithms has it."""
 
+    learner: Any = PPO
+    policy: Any = ActorCriticPolicy
+    asymmetric: Any = AsymmetricActorCritic
+
     def make(
         self,
         config: PPOConfig,
@@ -31,53 +36,48 @@ class PPOAlgorithm:
         *,
         seed: int,
         learning_rate: Rate,
-    ) -> PPO:
+    ) -> Any:
         """Build the learner."""
-        return PPO(
-            policy_class(config),
+        return self.learner(
+            self.policy_class(config),
             env,
             learning_rate=learning_rate,
-            policy_kwargs=policy_arguments(config, layout),
+            policy_kwargs=self.policy_arguments(config, layout),
             seed=seed,
             device="cpu",
             **update_arguments(config),
         )
 
-    def make_policy(self, config: PPOConfig, layout: ObservationLayout) -> ActorCriticPolicy:
+    def make_policy(self, config: PPOConfig, layout: ObservationLayout) -> Any:
         """Build the policy alone, with fresh weights."""
-        return make_policy(config, layout)
+        return self.policy_class(config)(
+            network_space(config, layout),
+            action_space(layout),
+            lambda _: config.learning_rate,
+            **self.policy_arguments(config, layout),
+        )
 
-    def state(self, model: PPO) -> dict[str, Any]:
+    def policy_class(self, config: PPOConfig) -> Any:
+        """Return the class of the policy."""
+        return self.asymmetric if config.asymmetric_critic else self.policy
+
+    def policy_arguments(self, config: Any, layout: ObservationLayout) -> dict[str, Any]:
+        """Return the arguments of the policy that SB3 builds."""
+        optimizer = {"optimizer_class": EagerAdam, "optimizer_kwargs": {"eps": ADAM_EPS}}
+        return network_arguments(config, layout) | optimizer | {"log_std_init": config.log_std_init}
+
+    def state(self, model: Any) -> dict[str, Any]:
         """Return what the learner needs to go on, beyond its policy."""
         return on_policy_state(model)
 
-    def restore(self, model: PPO, state: dict[str, Any]) -> None:
+    def restore(self, model: Any, state: dict[str, Any]) -> None:
         """Go on from ``state``."""
         restore_on_policy(model, state)
 
 
-PPO_ALGORITHM = PPOAlgorithm()
-
-
-def policy_class(config: PPOConfig) -> type[ActorCriticPolicy]:
-    """Return the class of the policy."""
-    return AsymmetricActorCritic if config.asymmetric_critic else ActorCriticPolicy
-
-
 def make_policy(config: PPOConfig, layout: ObservationLayout) -> ActorCriticPolicy:
-    """Build the policy alone, with fresh weights."""
-    return policy_class(config)(
-        network_space(config, layout),
-        action_space(layout),
-        lambda _: config.learning_rate,
-        **policy_arguments(config, layout),
-    )
-
-
-def policy_arguments(config: PPOConfig, layout: ObservationLayout) -> dict[str, Any]:
-    """Return the arguments of the policy that SB3 builds."""
-    optimizer = {"optimizer_class": EagerAdam, "optimizer_kwargs": {"eps": ADAM_EPS}}
-    return network_arguments(config, layout) | optimizer | {"log_std_init": config.log_std_init}
+    """Build PPO's policy alone, with fresh weights."""
+    return PPOAlgorithm().make_policy(config, layout)
 
 
 def update_arguments(config: PPOConfig) -> dict[str, Any]:

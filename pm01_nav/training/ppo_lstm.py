@@ -9,14 +9,10 @@ import torch
 from sb3_contrib import RecurrentPPO
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 from sb3_contrib.common.recurrent.type_aliases import RNNStates
-from stable_baselines3.common.vec_env import VecEnv
 
-from pm01_nav.envs.spaces import action_space
 from pm01_nav.task.observation import ObservationLayout
-from pm01_nav.training.algorithm_config import PPOLSTMConfig
-from pm01_nav.training.learner import Rate, on_policy_state, restore_on_policy
-from pm01_nav.training.networks import critic_features, network_space
-from pm01_nav.training.ppo import policy_arguments, update_arguments
+from pm01_nav.training.networks import critic_features
+from pm01_nav.training.ppo import PPOAlgorithm
 
 
 class AsymmetricRecurrent(RecurrentActorCriticPolicy):
@@ -37,65 +33,26 @@ class AsymmetricRecurrent(RecurrentActorCriticPolicy):
         self.optimizer = make(self.parameters(), lr=rate, **self.optimizer_kwargs)
 
 
-class PPOLSTMAlgorithm:
+class PPOLSTMAlgorithm(PPOAlgorithm):
     """RecurrentPPO, as the table of algorithms has it."""
 
-    def make(
-        self,
-        config: PPOLSTMConfig,
-        env: VecEnv,
-        layout: ObservationLayout,
-        *,
-        seed: int,
-        learning_rate: Rate,
-    ) -> RecurrentPPO:
-        """Build the learner."""
-        return RecurrentPPO(
-            policy_class(config),
-            env,
-            learning_rate=learning_rate,
-            policy_kwargs=recurrent_arguments(config, layout),
-            seed=seed,
-            device="cpu",
-            **update_arguments(config),
-        )
+    learner = RecurrentPPO
+    policy = RecurrentActorCriticPolicy
+    asymmetric = AsymmetricRecurrent
 
-    def make_policy(
-        self, config: PPOLSTMConfig, layout: ObservationLayout
-    ) -> RecurrentActorCriticPolicy:
-        """Build the policy alone, with fresh weights."""
-        return policy_class(config)(
-            network_space(config, layout),
-            action_space(layout),
-            lambda _: config.learning_rate,
-            **recurrent_arguments(config, layout),
-        )
+    def policy_arguments(self, config: Any, layout: ObservationLayout) -> dict[str, Any]:
+        """Return PPO's arguments and those of the memory."""
+        names = ("lstm_hidden_size", "n_lstm_layers", "enable_critic_lstm")
+        memory = {name: getattr(config, name) for name in names}
+        return super().policy_arguments(config, layout) | memory
 
-    def state(self, model: RecurrentPPO) -> dict[str, Any]:
-        """Return what the learner needs to go on, beyond its policy."""
-        assert model._last_lstm_states is not None
+    def state(self, model: Any) -> dict[str, Any]:
+        """Return PPO's state and what the actor and the critic remember."""
         memory = {"pi": list(model._last_lstm_states.pi), "vf": list(model._last_lstm_states.vf)}
-        return on_policy_state(model) | {"memory": memory}
+        return super().state(model) | {"memory": memory}
 
-    def restore(self, model: RecurrentPPO, state: dict[str, Any]) -> None:
+    def restore(self, model: Any, state: dict[str, Any]) -> None:
         """Go on from ``state``."""
-        restore_on_policy(model, state)
+        super().restore(model, state)
         memory = {name: tuple(parts) for name, parts in state["memory"].items()}
         model._last_lstm_states = RNNStates(**memory)
-
-
-PPO_LSTM_ALGORITHM = PPOLSTMAlgorithm()
-
-
-def policy_class(config: PPOLSTMConfig) -> type[RecurrentActorCriticPolicy]:
-    """Return the class of the policy."""
-    return AsymmetricRecurrent if config.asymmetric_critic else RecurrentActorCriticPolicy
-
-
-def recurrent_arguments(config: PPOLSTMConfig, layout: ObservationLayout) -> dict[str, Any]:
-    """Return the arguments of the policy that sb3-contrib builds."""
-    return policy_arguments(config, layout) | {
-        "lstm_hidden_size": config.lstm_hidden_size,
-        "n_lstm_layers": config.n_lstm_layers,
-        "enable_critic_lstm": config.enable_critic_lstm,
-    }

@@ -48,7 +48,7 @@ class RemoteBatch:
         assert config.train.workers is not None
         self.config = config.task
         self.layout = observation_layout(config.task, config.task.robot_spec())
-        self.num_envs = config.train.ppo.n_envs
+        self.num_envs = config.train.hyperparameters.n_envs
         self.workers = config.train.workers
         self.robots = self.num_envs // self.workers
         """Of each worker."""

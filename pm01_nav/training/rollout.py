@@ -21,7 +21,7 @@ from pm01_nav.task.navigation import Episodes, NavigationBatch
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.training.config import RunConfig
 from pm01_nav.training.networks import privileged
-from pm01_nav.training.ppo import PPO_ALGORITHM
+from pm01_nav.training.ppo import PPOAlgorithm
 from pm01_nav.training.remote_batch import Draws
 
 BUFFERED = ("observations", "actions", "rewards", "episode_starts")
@@ -89,14 +89,14 @@ class Block:
         # Each worker is meant for one core, on any machine: results do not depend on it.
         numba.set_num_threads(1)
         torch.set_num_threads(1)
-        task, settings = config.task, config.train.ppo
+        task, settings = config.task, config.train.hyperparameters
         pool = world_pool(task, "train", task.num_worlds, config.train.seed)
         self._seed, self._first = config.train.seed, first
         self._batch = NavigationBatch(task, pool, robots, privileged=privileged(settings))
         seed = (config.train.seed << 32) + first
         self._env = NavVecEnv(self._batch, seed=seed, reward_scale=settings.reward_scale)
         own = {"n_envs": robots, "batch_size": robots * settings.n_steps}
-        self._model = PPO_ALGORITHM.make(
+        self._model = PPOAlgorithm().make(
             settings.model_copy(update=own),
             self._env,
             self._batch.layout,

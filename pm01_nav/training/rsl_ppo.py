@@ -22,7 +22,7 @@ from tensordict import TensorDict
 
 from pm01_nav.errors import InputError
 from pm01_nav.task.navigation import Episodes, MaskedStep, NavigationBatch
-from pm01_nav.training.algorithm_config import PPOConfig
+from pm01_nav.training.algorithms.ppo import PPOConfig
 from pm01_nav.training.budget import Budget
 from pm01_nav.training.ppo import make_policy
 

@@ -10,7 +10,6 @@ from pm01_nav.config import to_yaml, validate, write_atomically
 from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.task.given_files import copy_given, located, stored_task
-from pm01_nav.training.algorithms import ALGORITHMS
 from pm01_nav.training.config import RunConfig
 
 
@@ -82,15 +81,13 @@ class RunFolder:
         return policy >= self.last.stat().st_mtime_ns
 
     def store(self, config: RunConfig) -> None:
-        """Write the effective configuration, without the sections of other algorithms.
+        """Write the effective configuration.
 
         Raises:
             InputError: the robot or the map cannot be copied.
         """
         shown = config.model_copy(update={"task": stored_task(config.task, self.path)})
-        unused = set(ALGORITHMS) - {config.train.algo}
-        data = shown.model_dump(mode="json", exclude={"train": unused})
-        write_atomically(self.config, to_yaml(data))
+        write_atomically(self.config, to_yaml(shown.model_dump(mode="json")))
         copy_given(config.task, self.path)
 
     def load_config(self) -> RunConfig:

@@ -23,6 +23,7 @@ from pm01_nav.task.curriculum import Curriculum, apply
 from pm01_nav.task.navigation import Episodes
 from pm01_nav.task.spinning import SpinMeter
 from pm01_nav.training.advice import findings
+from pm01_nav.training.algorithm_config import Algorithm
 from pm01_nav.training.budget import Budget
 from pm01_nav.training.checkpoint import save_checkpoint, save_weights
 from pm01_nav.training.config import RunConfig
@@ -30,7 +31,6 @@ from pm01_nav.training.curiosity import intrinsic_rewards
 from pm01_nav.training.divergence import check_finite
 from pm01_nav.training.environment import observation_statistics
 from pm01_nav.training.history import History
-from pm01_nav.training.learner import Algorithm
 from pm01_nav.training.pace import Pace
 from pm01_nav.training.remote_batch import Batch
 from pm01_nav.training.run_folder import RunFolder

@@ -138,10 +138,11 @@ class Sweep:
                 one that was measured on other episodes.
         """
         shared = self.config.model_copy(update={"task": stored_task(self.config.task, self.folder)})
-        text = to_yaml(shared.model_dump(mode="json"))
+        mine = shared.model_dump(mode="json")
         stored = self.folder / "config.yaml"
         if stored.is_file():
-            if stored.read_text(encoding="utf-8") != text:
+            its = validate(RunConfig, load_yaml(stored), str(stored))
+            if its.model_dump(mode="json") != mine:
                 raise InputError(
                     f"out = {self.folder}: holds a sweep with other settings (see its config.yaml)"
                 )
@@ -156,7 +157,7 @@ class Sweep:
             )
         make_folder(self.folder)
         copy_given(self.config.task, self.folder)
-        write_atomically(stored, text)
+        write_atomically(stored, to_yaml(mine))
         write_atomically(self.folder / MEASURED, to_yaml(measured))
         return [s for s in self.seeds if not (self._seed_folder(s) / EVALUATIONS).is_file()]
 

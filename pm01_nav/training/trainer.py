@@ -25,7 +25,6 @@ from pm01_nav.task.curriculum import Curriculum, apply, make_curriculum
 from pm01_nav.task.given_files import stored_task
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.worlds import world_pool
-from pm01_nav.training.algorithms import algorithm
 from pm01_nav.training.budget import Budget
 from pm01_nav.training.checkpoint import load_checkpoint, restore
 from pm01_nav.training.config import RunConfig
@@ -78,7 +77,7 @@ def train(
     threads = choose_threads(
         config.train.threads, chosen.batch_size, batch.layout.size, chosen.net_arch
     )
-    learns_by = algorithm(config.train.algo)
+    learns_by = chosen.implementation()
     supervision = Supervision(config, folder, batch, curriculum, budget, progress, learns_by)
     model = _learner(config, batch, budget, host)
     if data is not None:
@@ -159,7 +158,7 @@ def _learner(config: RunConfig, batch: Batch, budget: Budget, host: Host) -> Any
                 f"train.learner = 'rsl_rl': {error.name} is missing; pip install 'pm01-nav[gpu]'"
             ) from error
         assert isinstance(batch, NavigationBatch)
-        learner = RslRlLearner(config.train.ppo, batch, seed=seed, budget=budget)
+        learner = RslRlLearner(chosen, batch, seed=seed, budget=budget)
         learner.begin()
         return learner
 
@@ -171,7 +170,7 @@ def _learner(config: RunConfig, batch: Batch, budget: Budget, host: Host) -> Any
         from pm01_nav.training.distributed import DistributedPPO
 
         return DistributedPPO(config, batch, learning_rate=learning_rate, host=host)
-    return algorithm(config.train.algo).make(
+    return chosen.implementation().make(
         chosen,
         make_environment(config.train, batch),
         batch.layout,
@@ -217,7 +216,8 @@ def export_best(folder: RunFolder, config: RunConfig, path: Any = None) -> None:
     data = load_checkpoint(folder.best if folder.best.exists() else folder.last)
     robot = config.task.robot_spec()
     layout = observation_layout(config.task, robot)
-    policy = algorithm(config.train.algo).make_policy(config.train.hyperparameters, layout)
+    chosen = config.train.hyperparameters
+    policy = chosen.implementation().make_policy(chosen, layout)
     try:
         policy.load_state_dict(data["policy"])
     except RuntimeError as error:

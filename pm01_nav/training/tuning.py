@@ -18,7 +18,7 @@ from pm01_nav.documents import load_yaml
 from pm01_nav.errors import InputError
 from pm01_nav.provenance import provenance, shown
 from pm01_nav.training.algorithms import ALGORITHMS
-from pm01_nav.training.config import RunConfig, TrainConfig
+from pm01_nav.training.config import RunConfig
 from pm01_nav.training.run_folder import RunFolder
 from pm01_nav.training.trainer import train
 
@@ -100,7 +100,7 @@ def load_space(path: str | Path, algorithm: str) -> dict[str, Range]:
         InputError: the file is unusable, the algorithm has no such hyper-parameter, or a range
             cannot be drawn from.
     """
-    allowed = TrainConfig.model_fields[algorithm].annotation.model_fields  # type: ignore[union-attr]
+    allowed = ALGORITHMS[algorithm].model_fields
     space = {}
     for name, data in load_yaml(path).items():
         if name not in allowed:
@@ -116,7 +116,7 @@ def load_space(path: str | Path, algorithm: str) -> dict[str, Range]:
 
 def default_space(algorithm: str) -> dict[str, Range]:
     """Return the search space that belongs to an algorithm."""
-    family = "on_policy" if algorithm.startswith("ppo") else "off_policy"
+    family = "off_policy" if ALGORITHMS[algorithm].off_policy else "on_policy"
     return load_space(SPACES / f"space_{family}.yaml", algorithm)
 
 
@@ -127,9 +127,7 @@ def subject(config: RunConfig, space: dict[str, Range]) -> dict[str, Any]:
     for name in ("robot", "map", "worlds"):
         # Another machine may have the file in another place.
         task[name] = task[name] and Path(task[name]).name
-    settings = config.train.model_dump(
-        mode="json", exclude=NOT_SUBJECT | (set(ALGORITHMS) - {algo})
-    )
+    settings = config.train.model_dump(mode="json", exclude=NOT_SUBJECT)
     settings[algo] = {name: v for name, v in settings[algo].items() if name not in space}
     ranges = {name: range_.model_dump(mode="json") for name, range_ in space.items()}
     return {"task": task, "train": settings, "space": ranges}

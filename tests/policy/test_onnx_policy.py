@@ -26,7 +26,7 @@ from pm01_nav.policy.onnx_policy import METADATA_KEY
 from pm01_nav.robot import RobotSpec, load_robot
 from pm01_nav.task.config import observation_layout
 from pm01_nav.task.tasks import task_config
-from pm01_nav.training.algorithm_config import PPOConfig
+from pm01_nav.training.algorithms.ppo import PPOConfig
 from pm01_nav.training.ppo import make_policy
 
 INF, NAN = np.inf, np.nan

@@ -14,7 +14,7 @@ from pm01_nav.policy import OnnxPolicy
 from pm01_nav.policy.export import greedy_policy
 from pm01_nav.task.config import observation_layout
 from pm01_nav.task.tasks import task_config
-from pm01_nav.training.algorithms import ALGORITHMS, algorithm
+from pm01_nav.training.algorithms import ALGORITHMS
 from pm01_nav.training.checkpoint import load_checkpoint
 from pm01_nav.training.config import RunConfig, TrainConfig
 from pm01_nav.training.environment import stored_statistics
@@ -53,7 +53,7 @@ CASES += [("ppo", n) for n in ("conv", "normalized", "asymmetric")]
 
 
 def config(algo: str, network: str, iterations: int = 4) -> RunConfig:
-    small = ON_POLICY if algo.startswith("ppo") else OFF_POLICY
+    small = OFF_POLICY if ALGORITHMS[algo].off_policy else ON_POLICY
     settings = {
         "algo": algo,
         "steps": iterations * SAMPLES,
@@ -108,7 +108,7 @@ def check_file(settings: RunConfig, folder) -> None:
     data = load_checkpoint(folder / "best.pt")
     layout = observation_layout(settings.task, settings.task.robot_spec())
     chosen = settings.train.hyperparameters
-    policy = algorithm(settings.train.algo).make_policy(chosen, layout)
+    policy = chosen.implementation().make_policy(chosen, layout)
     policy.load_state_dict(data["policy"])
     statistics = stored_statistics(data["environment"])
     assert (statistics is not None) == chosen.norm_obs

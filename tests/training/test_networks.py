@@ -11,7 +11,7 @@ from pm01_nav.task.config import observation_layout
 from pm01_nav.task.privileged import Privileged
 from pm01_nav.task.tasks import task_config
 from pm01_nav.training.algorithm_config import ConvolutionConfig
-from pm01_nav.training.algorithms import ALGORITHMS, algorithm
+from pm01_nav.training.algorithms import ALGORITHMS
 from pm01_nav.training.config import TrainConfig
 from pm01_nav.training.networks import ScanConvolution, ScanShape, scan_shape
 
@@ -60,7 +60,7 @@ def test_only_the_critic_sees_what_a_robot_cannot(algo):
     layout, more = layout_of("static"), Privileged().size
     settings = {"steps": 1, "algo": algo, algo: {"asymmetric_critic": True}}
     config = TrainConfig.model_validate(settings).hyperparameters
-    policy = algorithm(algo).make_policy(config, layout)
+    policy = config.implementation().make_policy(config, layout)
     seen = torch.rand(4, layout.size)
     one, two = (torch.cat([seen, torch.full((4, more), value)], dim=1) for value in (0.0, 1.0))
     actor = actor_of(policy)

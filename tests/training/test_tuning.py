@@ -14,7 +14,8 @@ from pm01_nav.documents import load_yaml  # noqa: E402
 from pm01_nav.errors import InputError  # noqa: E402
 from pm01_nav.executors import LocalProcesses  # noqa: E402
 from pm01_nav.training import tuning  # noqa: E402
-from pm01_nav.training.config import RunConfig, TrainConfig  # noqa: E402
+from pm01_nav.training.algorithms import ALGORITHMS  # noqa: E402
+from pm01_nav.training.config import RunConfig  # noqa: E402
 from pm01_nav.training.supervision import TrainResult  # noqa: E402
 from pm01_nav.training.tuning import (  # noqa: E402
     STARTUP_TRIALS,
@@ -59,10 +60,9 @@ def test_study_goes_on_and_reports_its_best(tmp_path):
         assert best["ppo"]["net_arch"] in ([8], [8, 8])
 
 
-@pytest.mark.parametrize("algo", ["ppo", "ppo_lstm", "sac", "td3", "tqc"])
+@pytest.mark.parametrize("algo", ALGORITHMS)
 def test_default_spaces_name_hyper_parameters(algo):
-    section = getattr(TrainConfig.model_validate({"steps": 1}), algo)
-    assert set(default_space(algo)) <= set(type(section).model_fields)
+    assert set(default_space(algo)) <= set(ALGORITHMS[algo].model_fields)
 
 
 @pytest.mark.parametrize(

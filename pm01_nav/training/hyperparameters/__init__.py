@@ -13,4 +13,5 @@ from pm01_nav.documents import load_yaml
 @cache
 def stored_values(algorithm: str) -> dict[str, Any]:
     """Return the values that an algorithm is run with unless others are given; do not alter."""
-    return load_yaml(Path(__file__).with_name(f"{algorithm}.yaml"))
+    file = Path(__file__).with_name(f"{algorithm}.yaml")
+    return load_yaml(file) if file.is_file() else {}
