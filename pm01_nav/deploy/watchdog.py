@@ -75,8 +75,6 @@ class Watchdog:
         self._lock = threading.Lock()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
-        self.barked = 0
-        """How often it had to speak."""
 
     def start(self) -> None:
         """Begin to watch."""
@@ -98,7 +96,6 @@ class Watchdog:
             with self._lock:
                 must_stop = self._guard.must_stop(time.monotonic())
             if must_stop:
-                self.barked += 1
                 # Whatever fails now, a link that is just being lost, may work at the next look.
                 with suppress(Exception):
                     self._stop()

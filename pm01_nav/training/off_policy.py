@@ -53,7 +53,7 @@ class OffPolicy:
             seed=seed,
             device="cpu",
             **{name: getattr(config, name) for name in names},
-            **config.learner_arguments(*env.action_space.shape),
+            **config.learner_arguments(layout.drive.size),
         )
 
     def make_policy(self, config: OffPolicyConfig, layout: ObservationLayout) -> BasePolicy:

@@ -94,7 +94,7 @@ def load_barn(folder: str | Path) -> BarnSet:
         return cached
     indices = tuple(worlds)
     read = (
-        replace(read_barn_world(worlds[index]), reference_length=_path_length(paths[index]))
+        replace(read_barn_world(worlds[index]), reference_length=read_path_length(paths[index]))
         for index in indices
     )
     barn = BarnSet(indices, tuple(read))
@@ -126,18 +126,6 @@ def read_barn_world(path: str | Path) -> World:
     if not rows:
         raise InputError(f"{path}: holds no cylinder")
     return _world(index, np.array(rows))
-
-
-def read_barn_path_length(folder: str | Path, index: int) -> float:
-    """Return the official length of a world's reference path [m], start and goal included.
-
-    Raises:
-        InputError: ``path_files/path_<index>.npy`` is missing below the folder, or wrong.
-    """
-    paths = _files_by_index(Path(folder), f"path_files/path_{index}.npy")
-    if index not in paths:
-        raise InputError(f"{folder}: path_files/path_{index}.npy is missing")
-    return _path_length(paths[index])
 
 
 def _world(index: int, discs: FloatArray, length: float = math.nan) -> World:
@@ -216,8 +204,12 @@ def _numbers(element: Element | None, count: int, where: str) -> list[float]:
     return numbers
 
 
-def _path_length(path: Path) -> float:
-    """Add up the path as the challenge does: start, cells, goal."""
+def read_path_length(path: Path) -> float:
+    """Return the official length of a world's reference path [m]: start, cells, goal.
+
+    Raises:
+        InputError: the file is no array of cells.
+    """
     try:
         cells = np.load(path, mmap_mode="r", allow_pickle=False)
     except UNREADABLE as error:

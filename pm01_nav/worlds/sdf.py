@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from pm01_nav.documents import parse_xml
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.reading import Reading, tell
+from pm01_nav.worlds.reading import Reading
 from pm01_nav.worlds.sdf_actor import read_actor
 from pm01_nav.worlds.sdf_include import ModelFolders
 from pm01_nav.worlds.sdf_model import ModelReader, Source, version_of
@@ -33,15 +32,6 @@ BAND = (0.0, 0.5)
 """Heights that the robot or its lidar can meet [m]."""
 MARGIN = 1.0
 """Bounds reach this far around the obstacles where the file does not give them [m]."""
-
-
-def read_sdf_world(path: str | Path, **options: Any) -> World:
-    """Read an SDF world like ``read_sdf``, and log what was left out.
-
-    Raises:
-        InputError: as ``read_sdf``.
-    """
-    return tell(read_sdf(path, **options))
 
 
 def read_sdf(

@@ -25,7 +25,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.barn import read_barn_path_length, read_barn_world
+from pm01_nav.worlds.barn import read_barn_world, read_path_length
 from pm01_nav.worlds.dynabarn import read_dynabarn
 from pm01_nav.worlds.files import read_world
 from pm01_nav.worlds.grid import MAX_COORDINATE
@@ -508,11 +508,11 @@ def test_barn_grid(folder: Path, seen: Seen, content: bytes) -> None:
 @fuzz
 @given(content=mutated(npy([[15, 0], [15, 30]])))
 def test_barn_path(folder: Path, seen: Seen, content: bytes) -> None:
-    (folder / "path_files").mkdir(exist_ok=True)
-    (folder / "path_files" / "path_1.npy").write_bytes(content)
+    path = folder / "path_1.npy"
+    path.write_bytes(content)
 
     def read() -> list[World]:
-        assert np.isfinite(read_barn_path_length(folder, 1))
+        assert np.isfinite(read_path_length(path))
         return []
 
     drive(seen, "BARN path", read)

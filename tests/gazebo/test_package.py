@@ -14,7 +14,7 @@ from defusedxml.ElementTree import parse
 from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from pm01_nav import __version__
-from pm01_nav.worlds.sdf import read_sdf_world
+from pm01_nav.worlds.sdf import read_sdf
 
 PACKAGE = Path(__file__).resolve().parents[2] / "src" / "pm01_gazebo"
 WORLDS = sorted(PACKAGE.glob("worlds/*.sdf"))
@@ -73,7 +73,7 @@ def test_the_bridge_uses_the_topics_of_the_robots_description(bridge: list[Entry
 
 @pytest.mark.parametrize("path", WORLDS, ids=lambda path: path.stem)
 def test_worlds_can_be_read_and_driven_in(path: Path) -> None:
-    world = read_sdf_world(path, strict=path.stem != "moving")
+    world = read_sdf(path, strict=path.stem != "moving").world
     assert world.name == path.stem
     root = parse(path).getroot()
     # Whoever runs them adds the systems: those of server.config would not be loaded beside others.

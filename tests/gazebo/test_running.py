@@ -14,7 +14,7 @@ from pm01_nav.backends.gazebo_install import what_is_missing
 from pm01_nav.errors import InputError
 from pm01_nav.robot import load_robot
 from pm01_nav.worlds.pool import build_pool
-from pm01_nav.worlds.sdf import read_sdf_world
+from pm01_nav.worlds.sdf import read_sdf
 
 pytestmark = [
     pytest.mark.gazebo,
@@ -23,7 +23,7 @@ pytestmark = [
 
 
 def robot_in(path: Path, **address: str):
-    pool = build_pool([read_sdf_world(path)], radius=0.3)
+    pool = build_pool([read_sdf(path).world], radius=0.3)
     simulator = make_simulator(
         "gazebo_transport", NUMPY, load_robot("pm01"), pool, 1, GazeboConfig(**address)
     )

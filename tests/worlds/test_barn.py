@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pm01_nav.errors import InputError
-from pm01_nav.worlds.barn import load_barn, read_barn_path_length, read_barn_world
+from pm01_nav.worlds.barn import load_barn, read_barn_world, read_path_length
 
 GROUND = "<collision name='c'><geometry><plane><size>9 9</size></plane></geometry></collision>"
 CYLINDER = "<cylinder><radius>0.075</radius><length>1</length></cylinder>"
@@ -146,11 +146,11 @@ def test_missing_world_file(tmp_path: Path) -> None:
 
 
 def test_path_length_counts_start_and_goal(tmp_path: Path) -> None:
-    write_path(tmp_path / "BARN", [[15, 0], [15, 30]])
+    path = write_path(tmp_path, [[15, 0], [15, 30]])
     # The cells lie at x = -4.575 + 15 * 0.15 = -2.325, y = 5.075 and 5.075 + 4.5 = 9.575.
     # From (-2.25, 3): hypot(0.075, 2.075); then 4.5; to (-2.25, 13): hypot(0.075, 3.425).
     expected = np.sqrt(0.075**2 + 2.075**2) + 4.5 + np.sqrt(0.075**2 + 3.425**2)
-    assert read_barn_path_length(tmp_path, 7) == pytest.approx(expected, abs=1e-12)
+    assert read_path_length(path) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -168,19 +168,14 @@ def test_path_length_counts_start_and_goal(tmp_path: Path) -> None:
 def test_path_must_hold_cells(tmp_path: Path, cells: object) -> None:
     path = write_path(tmp_path, cells)
     with pytest.raises(InputError, match=path.name):
-        read_barn_path_length(tmp_path, 7)
+        read_path_length(path)
 
 
 def test_path_cut_short(tmp_path: Path) -> None:
     path = write_path(tmp_path)
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(InputError, match=r"path_7\.npy"):
-        read_barn_path_length(tmp_path, 7)
-
-
-def test_path_missing(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"path_files/path_7\.npy is missing"):
-        read_barn_path_length(tmp_path, 7)
+        read_path_length(path)
 
 
 @pytest.mark.parametrize("layout", ["", "worlds/BARN", "BARN_dataset/world_files"])

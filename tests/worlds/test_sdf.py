@@ -13,7 +13,7 @@ import pytest
 
 from pm01_nav.errors import InputError
 from pm01_nav.worlds import sdf_include
-from pm01_nav.worlds.sdf import read_sdf, read_sdf_world
+from pm01_nav.worlds.sdf import read_sdf
 from pm01_nav.worlds.world import World
 
 BOX = "<box><size>2 1 1</size></box>"
@@ -43,7 +43,7 @@ def read(folder: Path, text: str, **options: Any) -> World:
     path.write_text(text)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        return read_sdf_world(path, **options)
+        return read_sdf(path, **options).world
 
 
 def refused(folder: Path, text: str, words: str, **options: Any) -> None:
@@ -353,4 +353,4 @@ def test_refused(tmp_path: Path, text: str, words: str) -> None:
 def test_model_folder_must_exist(tmp_path: Path) -> None:
     (tmp_path / "hall.sdf").write_text(sdf())
     with pytest.raises(InputError, match=r"model folder .*nowhere: must be an existing folder"):
-        read_sdf_world(tmp_path / "hall.sdf", model_folders=[tmp_path / "nowhere"])
+        read_sdf(tmp_path / "hall.sdf", model_folders=[tmp_path / "nowhere"])

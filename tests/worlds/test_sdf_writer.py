@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from pm01_nav.geometry import rectangle
 from pm01_nav.worlds.mover import Mover
-from pm01_nav.worlds.sdf import read_sdf_world
+from pm01_nav.worlds.sdf import read_sdf
 from pm01_nav.worlds.sdf_writer import world_to_sdf
 from pm01_nav.worlds.world import OccupancyGrid, World
 
@@ -29,7 +29,7 @@ def read_back(folder: Path, world: World) -> World:
     path.write_text(world_to_sdf(world), encoding="utf-8")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        return read_sdf_world(path, strict=True)
+        return read_sdf(path, strict=True).world
 
 
 def ring(polygon: np.ndarray) -> np.ndarray:
