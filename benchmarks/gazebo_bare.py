@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from pm01_nav.backends.engine import Scenario
-from pm01_nav.backends.gazebo_exchange import Reading, Setup
-from pm01_nav.backends.gazebo_worker import open_gazebo
+from pm01_nav.backends.gazebo.worker import Reading, Setup, open_gazebo
 from pm01_nav.worlds.world import World
 
 

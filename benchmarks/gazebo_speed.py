@@ -23,7 +23,8 @@ from report import write_report
 
 from pm01_nav.arrays import NUMPY
 from pm01_nav.backends import make_simulator
-from pm01_nav.backends.gazebo import GazeboEngine, GazeboSimulator
+from pm01_nav.backends.gazebo.engine import GazeboEngine
+from pm01_nav.backends.physics import PhysicsSimulator
 from pm01_nav.robot import load_robot
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
@@ -42,10 +43,10 @@ def worlds() -> WorldPool:
     return world_pool(task, "train", 64)
 
 
-def robots(pool: WorldPool, num_envs: int) -> GazeboSimulator:
+def robots(pool: WorldPool, num_envs: int) -> PhysicsSimulator:
     """Return robots in Gazebo, ready to step."""
     simulator = make_simulator("gazebo", NUMPY, load_robot("pm01"), pool, num_envs)
-    assert isinstance(simulator, GazeboSimulator)
+    assert isinstance(simulator, PhysicsSimulator)
     simulator.seed(np.arange(num_envs))
     simulator.reset()
     return simulator
@@ -69,7 +70,7 @@ def bare(pool: WorldPool) -> Callable[[], float]:
     return measure
 
 
-def stepped(simulator: GazeboSimulator) -> Callable[[], float]:
+def stepped(simulator: PhysicsSimulator) -> Callable[[], float]:
     """Return what measures the real-time factor of robots that drive, all together."""
     rng = np.random.default_rng(0)
     count = simulator.num_envs
@@ -91,13 +92,13 @@ def asleep() -> float:
     return 20 * CONTROL_DT / (time.perf_counter() - began)
 
 
-def memory_mb(simulator: GazeboSimulator) -> float:
+def memory_mb(simulator: PhysicsSimulator) -> float:
     """Return what the server's process holds in memory [MB]."""
     engine: Any = simulator._engine
     return engine._robots[0]._worker.memory_mb
 
 
-def reset_often(simulator: GazeboSimulator, resets: int) -> dict[str, Any]:
+def reset_often(simulator: PhysicsSimulator, resets: int) -> dict[str, Any]:
     """Reset a robot over and over into other worlds; return memory and times."""
     engine: Any = simulator._engine
     process = engine._robots[0]._worker.process_id

@@ -71,7 +71,7 @@ class FaultyRobot(SimulatedRobot):
         """Put it into a world with things to see."""
         self._faults = faults
         self._noise = np.random.default_rng(seed + 1)
-        self._separation = nominal.wheels.separation
+        self._separation = nominal.driven_wheels.separation
         self._pose: NDArray[np.float64] = np.zeros(3)
         self._queue: deque[tuple[float, float, float]] = deque()
         limits = nominal.limits

@@ -65,7 +65,7 @@ def drive(seed: int) -> tuple[RobotSpec, dict[str, float], FloatArray, FloatArra
     true, how = draw_base(rng, robot), draw_recording(rng)
     sent = np.arange(0.0, how["seconds"], 1.0 / how["command_rate"])
     commands = _program(rng, robot, sent)
-    speeds = _integrate(true, robot.wheels.separation, sent, commands, how["seconds"])
+    speeds = _integrate(true, robot.driven_wheels.separation, sent, commands, how["seconds"])
     taken = np.arange(rng.uniform(0.0, 0.1), how["seconds"] - 0.01, 1.0 / how["odometry_rate"])
     odometry = np.stack([np.interp(taken, speeds[:, 0], speeds[:, k]) for k in (1, 2)], axis=1)
     # N(0, 5 mm/s) and N(0, 0.01 rad/s); spikes of U(-5, 5) m/s and rad/s.

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from ctypes.util import find_library
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -15,8 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from pydantic import AfterValidator
 
 from pm01_nav.arrays import Arrays
-from pm01_nav.backends.gazebo_config import GazeboConfig
-from pm01_nav.backends.gazebo_install import require_gazebo
+from pm01_nav.backends.gazebo.config import GazeboConfig, require_gazebo
 from pm01_nav.errors import InputError
 from pm01_nav.robot import RobotSpec
 
@@ -99,9 +99,11 @@ def _gazebo(
     gazebo: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
 ) -> Simulator:
     require_gazebo("gazebo")
-    from pm01_nav.backends.gazebo import GazeboSimulator
+    from pm01_nav.backends.gazebo.engine import GazeboEngine
+    from pm01_nav.backends.physics import PhysicsSimulator
 
-    return GazeboSimulator(gazebo.localization, robot, pool, num_envs, **how)
+    localized = gazebo.localization == "ground_truth"
+    return PhysicsSimulator(GazeboEngine, robot, pool, num_envs, localized=localized, **how)
 
 
 @backend("gazebo_transport", most_robots=1)
@@ -109,9 +111,12 @@ def _gazebo_transport(
     gazebo: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
 ) -> Simulator:
     require_gazebo("gazebo_transport")
-    from pm01_nav.backends.gazebo_transport import RunningGazeboSimulator
+    gazebo.require_running(pool.worlds, num_envs)
+    from pm01_nav.backends.gazebo.running import RunningEngine
+    from pm01_nav.backends.physics import PhysicsSimulator
 
-    return RunningGazeboSimulator(gazebo, robot, pool, num_envs, **how)
+    make = partial(RunningEngine, gazebo)
+    return PhysicsSimulator(make, robot, pool, num_envs, feels=False, **how)
 
 
 def make_simulator(

@@ -82,6 +82,11 @@ def ticks_in(control_dt: float) -> int:
 class Engine(Protocol):
     """Robots with weight and wheels on a floor, each alone in a world of its own."""
 
+    @property
+    def odometry(self) -> Motion | None:
+        """Poses and twists by the robots' wheels since the last reset; None: they know the true."""
+        ...
+
     def reset(self, i: int, scenario: Scenario) -> None:
         """Put robot ``i`` at rest where its scenario says."""
         ...

@@ -46,6 +46,8 @@ class Compiled(NamedTuple):
 class MujocoEngine:
     """One row of ``MjData``'s state a robot, one ``MjModel`` a world; see ``Engine``."""
 
+    odometry = None
+
     def __init__(
         self, robot: RobotSpec, worlds: Sequence[World], num_envs: int, control_dt: float
     ) -> None:

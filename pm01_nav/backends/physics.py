@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.backends.engine import MakeEngine, Motion, Scenario, View, ticks_in
 from pm01_nav.errors import InputError
+from pm01_nav.geometry import to_frame
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.settings import Perturbation
 from pm01_nav.sim.simulator import Simulator
@@ -32,12 +33,45 @@ class PhysicsSimulator(Simulator):
     """
 
     def __init__(
-        self, make: MakeEngine, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
+        self,
+        make: MakeEngine,
+        robot: RobotSpec,
+        pool: WorldPool,
+        num_envs: int,
+        *,
+        localized: bool = False,
+        feels: bool = True,
+        **how: Any,
     ) -> None:
-        """Allocate the batch; ``how`` is as for ``Simulator``."""
+        """Allocate the batch; ``how`` is as for ``Simulator``.
+
+        ``localized`` robots know their place as if by a perfect map, whatever their wheels say. An
+        engine that does not tell what robots touch ``feels`` nothing; the plane tells then.
+        """
         super().__init__(robot, pool, num_envs, **how)
+        self._localized, self._feels = localized, feels
         self._engine = make(robot, pool.worlds, num_envs, self.control_dt)
         self._motion = Motion.of(num_envs)
+
+    @property
+    def measured_pose(self) -> FloatArray:
+        """Where the robot believes to be, like ``SimState.pose``."""
+        odometry = self._engine.odometry
+        return self.state.pose if odometry is None or self._localized else odometry.pose
+
+    @property
+    def measured_goal(self) -> FloatArray:
+        """Distance and bearing of the goal as the robot believes [m, rad], shape (num_envs, 2)."""
+        if self._engine.odometry is None or self._localized:
+            return self.state.goal_polar
+        x, y = to_frame(self.state.goal, self._engine.odometry.pose).T
+        return np.stack([np.hypot(x, y), np.arctan2(y, x)], axis=-1)
+
+    @property
+    def measured_twist(self) -> FloatArray:
+        """The robot's v and w by odometry [m/s, rad/s], shape (num_envs, 2)."""
+        odometry = self._engine.odometry
+        return self.state.twist if odometry is None else odometry.twist
 
     def perturb(self, ranges: Perturbation) -> None:
         """Refuse: only the planar simulator has perturbed robots."""
@@ -102,6 +136,8 @@ class PhysicsSimulator(Simulator):
         )
         state.contact[:] = motion.contact & sound
         self.perceive(np.arange(self.num_envs), first=False)
+        if not self._feels:
+            state.contact[:] |= state.clearance <= 0.0
 
     def picture(self, i: int, eye_offset: FloatArray, size: tuple[int, int]) -> NDArray[np.uint8]:
         """Return a picture of robot ``i`` and its goal; see ``Simulator``."""

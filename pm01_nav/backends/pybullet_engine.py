@@ -52,6 +52,8 @@ GRIP = 10.0
 class PybulletEngine:
     """One client of PyBullet for all robots; see ``Engine``."""
 
+    odometry = None
+
     def __init__(
         self, robot: RobotSpec, worlds: Sequence[World], num_envs: int, control_dt: float
     ) -> None:

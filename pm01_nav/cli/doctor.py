@@ -160,7 +160,7 @@ def _ros() -> list[Finding]:
 
 
 def _gazebo() -> list[Finding]:
-    from pm01_nav.backends.gazebo_install import how_to_install, what_is_missing
+    from pm01_nav.backends.gazebo.config import how_to_install, what_is_missing
 
     missing = what_is_missing()
     if missing is None:

@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 
-from pm01_nav.backends.gazebo_install import what_is_missing
+from pm01_nav.backends.gazebo.config import what_is_missing
 from pm01_nav.envs import ENVIRONMENTS
 from pm01_nav.envs.nav_env import NavEnv
 from pm01_nav.envs.sb3_vec_env import NavVecEnv

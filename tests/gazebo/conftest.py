@@ -10,30 +10,34 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pm01_nav.arrays import NUMPY
 from pm01_nav.backends import make_simulator
-from pm01_nav.backends.gazebo import GazeboEngine, GazeboSimulator
-from pm01_nav.backends.gazebo_install import what_is_missing
-from pm01_nav.backends.gazebo_robot import IDLE
+from pm01_nav.backends.gazebo.config import what_is_missing
+from pm01_nav.backends.gazebo.engine import IDLE, GazeboEngine
+from pm01_nav.backends.physics import PhysicsSimulator
 from pm01_nav.robot import load_robot
+from pm01_nav.sim.simulator import Simulator
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
 
 SRC = Path(__file__).resolve().parents[2] / "src"
 HALL = World("hall", (-10.0, -10.0, 10.0, 10.0), discs=np.array([[8.0, 8.0, 0.3]]))
-Make = Callable[..., GazeboSimulator]
+Make = Callable[..., Simulator]
 
 
 def simulator_in(
-    worlds: list[World], num_envs: int, robot: str = "pm01", localization: str = "odometry"
-) -> GazeboSimulator:
+    worlds: list[World], num_envs: int, robot: str = "pm01", localized: bool = False
+) -> PhysicsSimulator:
     """Return robots in Gazebo, seeded with 0, 1, 2 ... and reset."""
     pool = build_pool(worlds, radius=0.3)
-    simulator = GazeboSimulator(localization, load_robot(robot), pool, num_envs)
+    simulator = PhysicsSimulator(
+        GazeboEngine, load_robot(robot), pool, num_envs, localized=localized
+    )
     simulator.seed(np.arange(num_envs))
     simulator.reset()
     return simulator
@@ -46,12 +50,12 @@ def hall() -> World:
 
 
 @pytest.fixture
-def played(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., GazeboSimulator]]:
+def played(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., PhysicsSimulator]]:
     """Return a function that makes robots whose servers play their part (``played_server``)."""
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     import played_server
 
-    def make(opener: str, num_envs: int = 1, worlds: tuple[World, ...] = (HALL,), **more: str):
+    def make(opener: str, num_envs: int = 1, worlds: tuple[World, ...] = (HALL,), **more: Any):
         monkeypatch.setattr(GazeboEngine, "opener", staticmethod(getattr(played_server, opener)))
         return simulator_in(list(worlds), num_envs, **more)
 

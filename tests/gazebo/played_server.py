@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pm01_nav.backends.engine import Scenario, View
-from pm01_nav.backends.gazebo_exchange import Reading, Setup
+from pm01_nav.backends.gazebo.worker import Reading, Setup
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import after_twist
 from pm01_nav.worlds.world import World

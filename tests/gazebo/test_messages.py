@@ -8,7 +8,7 @@ from types import SimpleNamespace as Message
 import numpy as np
 import pytest
 
-from pm01_nav.backends.gazebo_messages import pose_of, pose_since, ranges_of, stamp_of, twist_of
+from pm01_nav.backends.gazebo.messages import pose_of, pose_since, ranges_of, stamp_of, twist_of
 from pm01_nav.errors import InputError
 
 

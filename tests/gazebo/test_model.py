@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pm01_nav.backends.body import body_model
-from pm01_nav.backends.gazebo_model import mover_model, obstacles_model, seam_shift, server_world
+from pm01_nav.backends.gazebo.model import mover_model, obstacles_model, seam_shift, server_world
 from pm01_nav.robot import full_circle, load_robot, robot_names
 from pm01_nav.worlds.world import World
 

@@ -12,7 +12,7 @@ import pytest
 
 from pm01_nav.arrays import NUMPY
 from pm01_nav.backends import make_simulator
-from pm01_nav.backends.gazebo import GazeboSimulator
+from pm01_nav.backends.physics import PhysicsSimulator
 from pm01_nav.geometry import rectangle
 from pm01_nav.robot import load_robot
 from pm01_nav.task.tasks import task_config
@@ -132,7 +132,7 @@ def test_movers_are_seen_where_the_plane_has_them(gazebo) -> None:
 
 def test_a_server_that_is_killed_costs_the_episode(gazebo) -> None:
     simulator = gazebo([[0.0, 0.0, 0.0]], WALL)
-    assert isinstance(simulator, GazeboSimulator)
+    assert isinstance(simulator, PhysicsSimulator)
     simulator.step([[0.1, 0.0]])
     engine = simulator._engine
     os.kill(engine._robots[0]._worker.process_id, signal.SIGKILL)

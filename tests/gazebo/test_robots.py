@@ -9,14 +9,18 @@ import signal
 import numpy as np
 import pytest
 
-from pm01_nav.backends.gazebo_config import GazeboConfig
-from pm01_nav.backends.gazebo_transport import RunningGazeboSimulator
+from pm01_nav.arrays import NUMPY
+from pm01_nav.backends import make_simulator
+from pm01_nav.backends.gazebo.config import GazeboConfig
 from pm01_nav.errors import InputError
 from pm01_nav.robot import load_robot
+from pm01_nav.worlds.mover import Mover
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
 
 OTHER = World("other", (-10.0, -10.0, 10.0, 10.0), discs=np.array([[-8.0, 8.0, 0.3]]))
+WALKER = Mover("bounce", 0.3, np.array([[2.0, 0.0]]), speed=0.5)
+WALK = World("walk", (-9.0, -9.0, 9.0, 9.0), movers=(WALKER,))
 
 
 def worker_of(simulator, i=0):
@@ -40,7 +44,7 @@ def test_the_robot_believes_its_wheels(played) -> None:
 
 
 def test_a_robot_may_know_its_true_place_but_its_speed_by_its_wheels(played) -> None:
-    simulator = played("steady", localization="ground_truth")
+    simulator = played("steady", localized=True)
     simulator.place(np.array([0]), [[1.0, 2.0, np.pi / 2.0]], [[1.0, 5.0]])
     for _ in range(10):
         simulator.step([[0.5, 0.0]])
@@ -111,7 +115,7 @@ def test_a_server_that_grew_is_not_kept(played, monkeypatch: pytest.MonkeyPatch)
     process = worker_of(simulator).process_id
     # Python and numpy alone take more than a megabyte.
     assert worker_of(simulator).memory_mb > 1.0
-    monkeypatch.setattr("pm01_nav.backends.gazebo_robot.MOST_MEMORY_MB", 1.0)
+    monkeypatch.setattr("pm01_nav.backends.gazebo.engine.MOST_MEMORY_MB", 1.0)
     del simulator
     assert worker_of(played("steady")).process_id != process
 
@@ -125,8 +129,19 @@ def test_robots_that_go_give_their_servers_back(played) -> None:
     assert worker_of(played("steady")).process_id == first
 
 
-def test_a_gazebo_that_runs_already_has_odometry_only(hall) -> None:
-    pool = build_pool([hall], radius=0.3)
-    config = GazeboConfig(localization="ground_truth")
-    with pytest.raises(InputError, match="knows its place by odometry only"):
-        RunningGazeboSimulator(config, load_robot("pm01"), pool, 1)
+@pytest.mark.parametrize(
+    ("localization", "worlds", "num_envs", "complaint"),
+    [
+        ("ground_truth", [OTHER], 1, "knows its place by odometry only"),
+        ("odometry", [OTHER, OTHER], 1, "drives one robot in the one world that runs"),
+        ("odometry", [OTHER], 2, "drives one robot in the one world that runs"),
+        ("odometry", [WALK], 1, "cannot know where movers are"),
+    ],
+)
+def test_a_gazebo_that_runs_already_has_one_robot_without_eyes(
+    monkeypatch: pytest.MonkeyPatch, localization, worlds, num_envs, complaint
+) -> None:
+    monkeypatch.setattr("pm01_nav.backends.require_gazebo", lambda backend: None)
+    pool, config = build_pool(worlds, radius=0.3), GazeboConfig(localization=localization)
+    with pytest.raises(InputError, match=complaint):
+        make_simulator("gazebo_transport", NUMPY, load_robot("pm01"), pool, num_envs, config)

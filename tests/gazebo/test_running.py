@@ -10,7 +10,7 @@ import pytest
 
 from pm01_nav.arrays import NUMPY
 from pm01_nav.backends import GazeboConfig, make_simulator
-from pm01_nav.backends.gazebo_install import what_is_missing
+from pm01_nav.backends.gazebo.config import what_is_missing
 from pm01_nav.errors import InputError
 from pm01_nav.robot import load_robot
 from pm01_nav.worlds.pool import build_pool
@@ -83,9 +83,10 @@ def test_nothing_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     import sys
 
     code = (
-        "from pm01_nav.backends.gazebo_client import RunningGazebo\n"
-        "from pm01_nav.backends.gazebo_config import GazeboConfig\n"
-        "RunningGazebo(GazeboConfig(), 360, 0.1)"
+        "from pm01_nav.backends.gazebo.config import GazeboConfig\n"
+        "from pm01_nav.backends.gazebo.running import RunningEngine\n"
+        "from pm01_nav.robot import load_robot\n"
+        "RunningEngine(GazeboConfig(), load_robot('pm01'), [], 1, 0.1)"
     )
     monkeypatch.setenv("GZ_PARTITION", "pm01_nobody")
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from pm01_nav.backends.gazebo_stream import SilentError, StampedStream
+from pm01_nav.backends.gazebo.messages import SilentError, StampedStream
 
 SECOND = 1_000_000_000
 

@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from pm01_nav.backends.gazebo_worker import cores_of
+from pm01_nav.backends.gazebo.worker import cores_of
 
 
 @pytest.fixture

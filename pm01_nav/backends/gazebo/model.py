@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot, its obstacles and the world around them as SDF for Gazebo's server.
+"""A robot, its obstacles, a camera and the world around them as SDF for Gazebo's server.
 
 The world holds the robot alone. Obstacles are models that come and go with the episodes.
 """
@@ -12,9 +12,10 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pm01_nav.backends.body import WHEEL_FRICTION, BodyModel, body_model
-from pm01_nav.backends.engine import WALL_THICKNESS
+from pm01_nav.backends.engine import WALL_THICKNESS, View
 from pm01_nav.robot import Limits, RobotSpec
 from pm01_nav.worlds.obj_writer import obstacles_obj
 from pm01_nav.worlds.sdf_writer import GREY, HEIGHT, add_obstacles, paint, text_of
@@ -25,7 +26,7 @@ FloatArray = NDArray[np.float64]
 
 WORLD, ROBOT = "pm01", "robot"
 """Names of the world and of its models."""
-CMD_VEL, ODOM, SCAN, TOUCH = "/cmd_vel", "/odom", "/scan", "/touch"
+CMD_VEL, ODOM, SCAN, TOUCH, PICTURE = "/cmd_vel", "/odom", "/scan", "/touch", "/picture"
 """Topics; each server has a partition of its own."""
 SYSTEMS = (
     ("physics", "Physics"),
@@ -43,7 +44,11 @@ NEAREST = 0.02
 """A lidar is drawn from here on [m], or from its least range if that is nearer."""
 ROBOT_FLAG, ALL_BUT_ROBOT = "1", str(0xFFFFFFFE)
 """Visibility: the lidar does not see its own robot."""
-SHELL, DARK = "0.16 0.32 0.55 1", "0.12 0.12 0.13 1"
+FIELD_OF_VIEW = np.radians(45.0)
+"""Of the camera from top to bottom, as MuJoCo has it [rad]."""
+NEAR, FAR = 0.05, 60.0
+"""The camera draws nothing that is nearer or farther [m]."""
+SHELL, DARK, GREEN = "0.16 0.32 0.55 1", "0.12 0.12 0.13 1", "0.18 0.68 0.36 1"
 
 
 def server_world(robot: RobotSpec, physics_dt: float, control_dt: float) -> str:
@@ -98,6 +103,41 @@ def mover_model(radius: float) -> str:
         if kind == "visual":
             paint(part, "0.80 0.36 0.22 1")
     return tostring(root, encoding="unicode")
+
+
+def camera_model(size: tuple[int, int], rate: float) -> str:
+    """Return an SDF file's text with a camera that hangs in the air; ``rate`` in [Hz]."""
+    root = Element("sdf", version="1.9")
+    link = SubElement(SubElement(root, "model", name="camera"), "link", name="link")
+    add_inertial(link, 1.0, (0, 0, 0), (1.0, 1.0, 1.0))
+    fill(link, gravity="false")
+    sensor = SubElement(link, "sensor", name="camera", type="camera")
+    fill(sensor, topic=PICTURE, update_rate=text_of([rate]), always_on="true")
+    camera = SubElement(sensor, "camera")
+    width, height = size
+    across = 2.0 * np.arctan(np.tan(FIELD_OF_VIEW / 2.0) * width / height)
+    fill(camera, horizontal_fov=text_of([across]))
+    fill(SubElement(camera, "image"), width=str(width), height=str(height), format="R8G8B8")
+    fill(SubElement(camera, "clip"), near=str(NEAR), far=str(FAR))
+    return tostring(root, encoding="unicode")
+
+
+def goal_model(view: View) -> str:
+    """Return an SDF file's text with a marker on the floor that nothing can touch."""
+    root = Element("sdf", version="1.9")
+    model = SubElement(root, "model", name="goal")
+    fill(model, static="true", pose=text_of((*view.goal, 0.005, 0, 0, 0)))
+    visual = SubElement(SubElement(model, "link", name="link"), "visual", name="goal")
+    add_cylinder(visual, view.goal_radius, 0.01)
+    paint(visual, GREEN)
+    return tostring(root, encoding="unicode")
+
+
+def towards(view: View) -> NDArray[np.float64]:
+    """Return the direction of a camera that looks along x, as a quaternion x, y, z, w, (4,)."""
+    x, y, z = np.subtract(view.target, view.eye)
+    turn = Rotation.from_euler("ZYX", [np.arctan2(y, x), np.arctan2(-z, np.hypot(x, y)), 0.0])
+    return turn.as_quat()
 
 
 def seam_shift(robot: RobotSpec) -> float:

@@ -2,7 +2,7 @@
 # pyright: reportMissingImports=false
 """Gazebo's server in this process, paused between control steps.
 
-It is started in a process of its own (``gazebo_worker``): a crash of the server must not take the
+It is started in a process of its own (``worker``): a crash of the server must not take the
 training with it, and each server needs a partition of the transport for itself.
 """
 
@@ -25,27 +25,20 @@ from gz.msgs10.pose_v_pb2 import Pose_V
 from gz.msgs10.twist_pb2 import Twist
 from gz.sim8 import K_NULL_ENTITY, Link, Model, TestFixture, world_entity
 from gz.sim8 import World as GazeboWorld
-from gz.transport13 import Node, SubscribeOptions
+from gz.transport13 import Node
 from numpy.typing import NDArray
 
-from pm01_nav.backends import gazebo_model as names
 from pm01_nav.backends.engine import Scenario, View
-from pm01_nav.backends.gazebo_exchange import Reading, Setup
-from pm01_nav.backends.gazebo_messages import (
+from pm01_nav.backends.gazebo import model as names
+from pm01_nav.backends.gazebo.messages import (
+    pixels_of,
     pose_of,
     pose_since,
     ranges_of,
-    stamp_of,
+    subscribe,
     twist_of,
 )
-from pm01_nav.backends.gazebo_picture import (
-    PICTURE,
-    camera_model,
-    goal_model,
-    pixels,
-    towards,
-)
-from pm01_nav.backends.gazebo_stream import StampedStream
+from pm01_nav.backends.gazebo.worker import Reading, Setup
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame, wrap_angle
 from pm01_nav.worlds.world import World
@@ -66,7 +59,7 @@ class GazeboServer:
     """One server with one robot."""
 
     def __init__(self, world: Path, setup: Setup) -> None:
-        """Start the server on an SDF world of ``gazebo_model``.
+        """Start the server on an SDF world of ``model``.
 
         Raises:
             InputError: it cannot load the world, the robot is not in it, or its lidar is silent.
@@ -85,10 +78,10 @@ class GazeboServer:
         self._goal: tuple[float, float] | None = None
         self._anchor: tuple[FloatArray, FloatArray] = (np.zeros(3), np.zeros(3))
         self._node = Node()
-        self._scans = self._listen(names.SCAN, LaserScan)
-        self._odometry = self._listen(names.ODOM, Odometry)
-        self._touches = self._listen(names.TOUCH, Contacts)
-        self._pictures = self._listen(PICTURE, Image)
+        self._scans = subscribe(self._node, names.SCAN, LaserScan)
+        self._odometry = subscribe(self._node, names.ODOM, Odometry)
+        self._touches = subscribe(self._node, names.TOUCH, Contacts)
+        self._pictures = subscribe(self._node, names.PICTURE, Image)
         self._command = self._node.advertise(names.CMD_VEL, Twist)
         self._fixture = TestFixture(str(world))
         self._fixture.on_post_update(self._look)
@@ -140,34 +133,20 @@ class GazeboServer:
         if view.goal != self._goal:
             if self._goal:
                 self._request("remove", Entity(name="goal", type=Entity.MODEL), Entity)
-            self._request("create", EntityFactory(sdf=goal_model(view)), EntityFactory)
+            self._request("create", EntityFactory(sdf=names.goal_model(view)), EntityFactory)
         if not self._goal:
-            model = camera_model(view.size, 1.0 / self._setup.control_dt)
+            model = names.camera_model(view.size, 1.0 / self._setup.control_dt)
             self._request("create", EntityFactory(sdf=model), EntityFactory)
         first, self._goal = not self._goal, view.goal
         self._aim(view)
         if first:
             self._step(self._mover_places)
-        return pixels(self._pictures.wait(self._time_ns, SCAN_TIMEOUT_S))
+        return pixels_of(self._pictures.wait(self._time_ns, SCAN_TIMEOUT_S), names.PICTURE)
 
     def _aim(self, view: View) -> None:
         message = Pose_V()
-        _add_pose(message, "camera", view.eye, towards(view))
+        _add_pose(message, "camera", view.eye, names.towards(view))
         self._request("set_pose_vector", message, Pose_V)
-
-    def _listen(self, topic: str, message_type: Any) -> StampedStream:
-        """Return the stream of a topic's messages."""
-
-        def read(data: bytes) -> tuple[int, Any]:
-            message = message_type.FromString(data)
-            return stamp_of(message), message
-
-        stream = StampedStream(topic, read)
-        name = message_type.DESCRIPTOR.full_name
-        self._node.subscribe_raw(
-            topic, lambda data, info: stream.put(data), name, SubscribeOptions()
-        )
-        return stream
 
     def _publish(self, command: FloatArray) -> None:
         """Give the drive a command: within a process it is delivered before this returns."""

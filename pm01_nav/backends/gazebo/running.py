@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # pyright: reportMissingImports=false
-"""A robot in a Gazebo that runs already, stepped over its transport.
+"""The robot of a Gazebo that runs already, as a batch of one, stepped over its transport.
 
 What is known of the robot is what its topics say: its pose is its odometry, counted from the last
 reset, and a collision is what the plane makes of that pose. Obstacles are those of the world that
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -27,17 +27,21 @@ from gz.msgs10.world_stats_pb2 import WorldStatistics
 from gz.transport13 import Node
 from numpy.typing import NDArray
 
-from pm01_nav.backends.gazebo_config import GazeboConfig
-from pm01_nav.backends.gazebo_messages import (
+from pm01_nav.backends.engine import Motion, Scenario, View
+from pm01_nav.backends.gazebo.config import GazeboConfig
+from pm01_nav.backends.gazebo.messages import (
+    SilentError,
+    StampedStream,
     nanoseconds,
     pose_of,
     pose_since,
     ranges_of,
-    stamp_of,
+    subscribe,
     twist_of,
 )
-from pm01_nav.backends.gazebo_stream import SilentError, StampedStream
 from pm01_nav.errors import InputError
+from pm01_nav.robot import RobotSpec
+from pm01_nav.worlds.world import World
 
 FloatArray = NDArray[np.float64]
 
@@ -54,21 +58,32 @@ REST_STEPS, AT_REST = 30, 2e-3
 START = "start one with: ros2 launch pm01_gazebo pm01_world.launch.py"
 
 
-class RunningGazebo:
-    """One robot in a Gazebo that others started; it is paused between our steps."""
+class RunningEngine:
+    """One robot in a Gazebo that others started, paused between our steps; see ``Engine``."""
 
-    def __init__(self, address: GazeboConfig, num_beams: int, control_dt: float) -> None:
+    odometry = None
+    """The robot is where its odometry says."""
+
+    def __init__(
+        self,
+        address: GazeboConfig,
+        robot: RobotSpec,
+        worlds: Sequence[World],
+        num_envs: int,
+        control_dt: float,
+    ) -> None:
         """Find the world, pause it and measure its steps.
 
         Raises:
             InputError: there is no such world or topic, or its steps do not fit ``control_dt`` [s].
         """
-        self._address, self._num_beams = address, num_beams
+        self._address, self._num_beams = address, robot.lidar.num_beams
+        self._ranges = np.zeros(self._num_beams, dtype=np.float32)
         self._node = Node()
         self._world = self._find_world()
         self._check_model()
-        self._scans = self._listen(self._find_topic("scan"), LaserScan)
-        self._odometry = self._listen(self._find_topic("odom"), Odometry)
+        self._scans = subscribe(self._node, self._find_topic("scan"), LaserScan)
+        self._odometer = subscribe(self._node, self._find_topic("odom"), Odometry)
         self._command = self._node.advertise(address.topic("cmd_vel"), Twist)
         self._time_ns, step_ns = self._pause_and_measure()
         self._period_ns = round(control_dt * 1e9)
@@ -81,37 +96,54 @@ class RunningGazebo:
         self._align()
         self._anchor: tuple[FloatArray, FloatArray] = (np.zeros(3), np.zeros(3))
 
-    def reset(self, pose: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
-        """Put the robot at rest at x, y, yaw (3,); return pose, twist and ranges there.
+    def reset(self, i: int, scenario: Scenario) -> None:
+        """Put the robot at rest where its scenario says.
 
         Raises:
             InputError: Gazebo has no such robot, or it does not come to rest.
         """
+        pose = scenario.pose
         self._publish(np.zeros(2))
         self._teleport(pose)
         for _ in range(REST_STEPS):
-            odometry, _ = self._step()
-            if np.abs(twist_of(odometry)).max() < AT_REST:
+            if np.abs(twist_of(self._step())).max() < AT_REST:
                 break
         else:
             raise InputError(
-                f"{self._odometry.topic}: the robot does not come to rest at {pose.round(3)}; "
+                f"{self._odometer.topic}: the robot does not come to rest at {pose.round(3)}; "
                 "does another program publish commands?"
             )
         self._teleport(pose)
-        odometry, ranges = self._step()
-        self._anchor = (pose.copy(), pose_of(odometry))
-        return pose, twist_of(odometry), ranges
+        self._anchor = (pose.copy(), pose_of(self._step()))
 
-    def step(self, command: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
-        """Drive for a control step by v and w (2,); return pose, twist and ranges.
+    def step(
+        self,
+        command: FloatArray,
+        movers: FloatArray,
+        motion: Motion,
+        ranges: NDArray[np.float32],
+    ) -> None:
+        """Drive the robot for a control step; see ``Engine``.
 
         Raises:
             InputError: the scan or the odometry of the step does not come.
         """
-        self._publish(command)
-        odometry, ranges = self._step()
-        return pose_since(*self._anchor, pose_of(odometry)), twist_of(odometry), ranges
+        self._publish(command[0])
+        odometry = self._step()
+        motion.pose[0] = pose_since(*self._anchor, pose_of(odometry))
+        motion.twist[0], motion.contact[0] = twist_of(odometry), False
+        self.cast(np.array([0]), ranges)
+
+    def cast(self, indices: NDArray[np.int64], ranges: NDArray[np.float32]) -> None:
+        """Write the ranges of the robot's lidar [m]; see ``Engine``."""
+        ranges[indices, : self._num_beams] = self._ranges
+
+    def picture(self, i: int, view: View) -> NDArray[np.uint8]:
+        """Refuse: the window of the Gazebo that runs shows more."""
+        raise InputError("render: Gazebo has a window of its own; use --backend gazebo for videos")
+
+    def keep(self, indices: NDArray[np.int64]) -> None:
+        """Go on with the robot."""
 
     def _find_world(self) -> str:
         """Return the name of the world that is meant."""
@@ -155,19 +187,11 @@ class RunningGazebo:
             raise InputError(f"{topic}: nobody publishes it in world {self._world}; {hint}")
         return topic
 
-    def _listen(
-        self, topic: str, message_type: Any, stamp: Callable[[Any], int] = stamp_of
-    ) -> StampedStream:
-        """Return the stream of a topic's messages."""
-        stream = StampedStream(topic, lambda message: (stamp(message), message))
-        self._node.subscribe(message_type, topic, stream.put)
-        return stream
-
     def _pause_and_measure(self) -> tuple[int, int]:
         """Return the time at which the world stands still now, and what one step adds [ns]."""
         topic = f"/world/{self._world}/stats"
         # Without stamps: in a paused world simulation time stands still.
-        statistics = self._listen(topic, WorldStatistics, lambda _: 0)
+        statistics = subscribe(self._node, topic, WorldStatistics, lambda _: 0)
         self._control(WorldControl(pause=True))
         before = self._standing(statistics)
         self._control(WorldControl(pause=True, multi_step=MEASURED_STEPS))
@@ -206,21 +230,22 @@ class RunningGazebo:
         twist.linear.x, twist.angular.z = float(command[0]), float(command[1])
         self._command.publish(twist)
 
-    def _step(self) -> tuple[Any, NDArray[np.float32]]:
-        """Run one control step; return the odometry and the ranges that belong to its end."""
+    def _step(self) -> Any:
+        """Run one control step; note the ranges that belong to its end, return the odometry."""
         self._time_ns += self._period_ns
         self._control(WorldControl(pause=True, multi_step=self._iterations))
         # Whatever the lidar's phase, one scan lies within the step.
         begin = self._time_ns - self._period_ns + 1
         try:
             scan = self._scans.wait(begin, SILENCE_S)
-            odometry = self._odometry.wait(begin, SILENCE_S)
+            odometry = self._odometer.wait(begin, SILENCE_S)
         except SilentError as error:
             raise InputError(
                 f"world {self._world}: {error}. Did Gazebo end? Is its lidar slower than the "
                 "control step, or does the world lack the Sensors system?"
             ) from error
-        return odometry, ranges_of(scan, self._num_beams, self._scans.topic)
+        self._ranges = ranges_of(scan, self._num_beams, self._scans.topic)
+        return odometry
 
     def _teleport(self, pose: FloatArray) -> None:
         request = Pose(name=self._address.model)
