@@ -17,6 +17,7 @@ from pm01_nav.task.action import ActionLimits
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.observation import GoalKind, ObservationLayout, UsualParts
 from pm01_nav.task.parts import make_part
+from pm01_nav.task.parts.base import check_part
 from pm01_nav.task.randomization import CONTROL_DT, RandomizationConfig, in_seconds
 from pm01_nav.task.rewards import checked, needed
 from pm01_nav.task.scans import scan_geometry
@@ -134,8 +135,10 @@ class TaskConfig(FrozenModel):
         return self
 
     @model_validator(mode="after")
-    def _has_known_rewards(self) -> TaskConfig:
+    def _has_known_parts_and_rewards(self) -> TaskConfig:
         seen = self.observation
+        for name, parameters in seen.parts.items():
+            check_part(name, parameters)
         for name, term in self.rewards.items():
             checked(name, term.params)
             for feature in needed([name]) - SWITCHES:
