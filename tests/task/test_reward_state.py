@@ -69,8 +69,9 @@ def begun(num_envs: int = 3) -> NavigationBatch:
 def paid(batch: NavigationBatch, *distances: float, begins: Any = None) -> list[float]:
     """Return the rewards of a step from places so far from the goals [m]; it moves 5 cm at most."""
     n = len(distances)
-    poses = np.zeros((n, 3))
-    goals = np.stack([np.array(distances), np.zeros(n)], axis=1)
+    # In the middle of 10 m x 10 m, far from every wall.
+    poses = np.tile([5.0, 5.0, 0.0], (n, 1))
+    goals = np.stack([5.0 + np.array(distances), np.full(n, 5.0)], axis=1)
     batch.simulator.place(np.arange(n), poses, goals)
     return batch.step(np.zeros((n, 2)), begins).reward.tolist()
 
