@@ -38,6 +38,10 @@ class Features(NamedTuple):
     """Whether the length of the way to the goal is known; else it is the straight distance."""
 
 
+SWITCHES = frozenset(n for n, v in Features._field_defaults.items() if isinstance(v, bool))
+"""Features that need no more than to be asked for; others belong to a part of the observation."""
+
+
 class Perturbation(NamedTuple):
     """One number for each quantity that can be off, or its range.
 

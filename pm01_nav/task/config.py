@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -13,12 +12,13 @@ from pydantic import Field, model_validator
 from pm01_nav.backends import DEFAULT_GAZEBO, BackendName, GazeboConfig
 from pm01_nav.config import FrozenModel
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, changed_robot, load_robot
-from pm01_nav.sim.settings import PedestrianModel
+from pm01_nav.sim.settings import SWITCHES, PedestrianModel
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.observation import GoalKind, ObservationLayout, UsualParts
 from pm01_nav.task.parts import make_part
+from pm01_nav.task.parts.base import check_part
 from pm01_nav.task.randomization import CONTROL_DT, RandomizationConfig, in_seconds
-from pm01_nav.task.rewards import NEEDS, REWARDS
+from pm01_nav.task.rewards import checked, needed
 from pm01_nav.task.scans import scan_geometry
 from pm01_nav.task.trail import TrailLayout
 
@@ -46,7 +46,8 @@ class RewardTerm(FrozenModel):
     """One row of the reward table."""
 
     weight: float
-    params: dict[str, Positive] = Field(default_factory=dict)
+    params: dict[str, Any] = Field(default_factory=dict)
+    """Of any plain type; the term says which."""
 
 
 class TaskConfig(FrozenModel):
@@ -129,16 +130,15 @@ class TaskConfig(FrozenModel):
         return self
 
     @model_validator(mode="after")
-    def _has_known_rewards(self) -> TaskConfig:
+    def _has_known_parts_and_rewards(self) -> TaskConfig:
+        seen = self.observation
+        for name, parameters in seen.parts.items():
+            check_part(name, parameters)
         for name, term in self.rewards.items():
-            if name not in REWARDS:
-                raise ValueError(f"rewards.{name}: unknown; allowed: {', '.join(sorted(REWARDS))}")
-            if "visited" in NEEDS[name] and self.observation.trail is None:
-                raise ValueError(f"rewards.{name}: needs observation.trail")
-            allowed = set(list(inspect.signature(REWARDS[name]).parameters)[1:])
-            if unknown := set(term.params) - allowed:
-                known = ", ".join(sorted(allowed)) or "none"
-                raise ValueError(f"rewards.{name}.params.{min(unknown)}: unknown; allowed: {known}")
+            checked(name, term.params)
+            for feature in needed([name]) - SWITCHES:
+                if getattr(seen, feature, None) is None and feature not in seen.parts:
+                    raise ValueError(f"rewards.{name}: needs observation.{feature}")
         return self
 
     def robot_spec(self) -> RobotSpec:

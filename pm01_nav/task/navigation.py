@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from pm01_nav.arrays import NUMPY, Arrays
 from pm01_nav.backends import make_simulator
 from pm01_nav.errors import InputError
-from pm01_nav.sim.settings import Features, TrailParams
+from pm01_nav.sim.settings import SWITCHES, Features, TrailParams
 from pm01_nav.sim.simulator import Simulator
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.observation import ObservationLayout, Observer
 from pm01_nav.task.parts.base import ALL, Elapsed, Seen
 from pm01_nav.task.people import nearest_mover
 from pm01_nav.task.privileged import Privileged
-from pm01_nav.task.rewards import REWARDS, needed
+from pm01_nav.task.rewards import RewardTable, needed
 from pm01_nav.task.step import Step
 from pm01_nav.task.terminations import judge, out_of_time
 from pm01_nav.worlds.pool import WorldPool
@@ -88,7 +88,7 @@ def features(config: TaskConfig, layout: ObservationLayout) -> Features:
     Raises:
         InputError: two parts need the same in different ways.
     """
-    needs: dict[str, Any] = {"path_distances": True} if _reads_ways(config) else {}
+    needs: dict[str, Any] = dict.fromkeys(needed(config.rewards) & SWITCHES, True)
     for part in layout.parts:
         for name, value in part.needs.items():
             if needs.setdefault(name, value) != value:
@@ -96,10 +96,6 @@ def features(config: TaskConfig, layout: ObservationLayout) -> Features:
     if "trail" in needs:
         needs["trail"] = TrailParams(**needs["trail"])
     return Features(**needs)
-
-
-def _reads_ways(config: TaskConfig) -> bool:
-    return "path_distance" in needed(config.rewards)
 
 
 class SeenInSimulation(Seen):
@@ -178,8 +174,7 @@ class NavigationBatch:
         )
         if config.randomization is not None:
             self.simulator.perturb(config.randomization.ranges(self.robot, config.control_dt))
-        # Attributes of pydantic models are slow to read.
-        self._rewards = [(REWARDS[n], t.weight, t.params) for n, t in config.rewards.items()]
+        self._rewards = RewardTable(config.rewards, num_envs, arrays)
         simulator = self.simulator
         self.observer = Observer(self.layout, lambda part: part.simulated_memory(simulator, arrays))
         self._count = self._zeros((num_envs,), arrays.xp.int64)
@@ -330,8 +325,7 @@ class NavigationBatch:
         ``step.action`` and ``step.previous_action`` must be known.
         """
         terms = self.arrays.xp.empty_like(self._term_sums)
-        for row, (function, weight, params) in enumerate(self._rewards):
-            terms[row] = weight * function(step, **params)
+        self._rewards.pay(step, terms)
         return terms
 
     def _named(self, terms: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
@@ -357,6 +351,7 @@ class NavigationBatch:
         self._count[indices] = 0
         self._action[indices] = 0.0
         self._term_sums[:, indices] = 0.0
+        self._rewards.reset(indices)
         self.observer.begin(self._seen(indices))
 
     def _begin_where(self, begins: Any) -> None:
@@ -365,6 +360,7 @@ class NavigationBatch:
         self._count *= ~begins
         self._action *= ~begins[:, None]
         self._term_sums *= ~begins
+        self._rewards.reset(begins)
         self.observer.begin_where(begins, self._seen())
 
     def keep(self, robots: NDArray[np.int64]) -> None:
@@ -372,6 +368,7 @@ class NavigationBatch:
         self.num_envs = len(robots)
         self.simulator.keep(robots)
         self.observer.keep(robots)
+        self._rewards.keep(robots)
         self._count, self._action = self._count[robots], self._action[robots]
         self._term_sums = self.arrays.xp.take(self._term_sums, robots, axis=1)
 
@@ -399,4 +396,4 @@ class NavigationBatch:
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         own = {"count": self._count, "action": self._action, "term_sums": self._term_sums}
-        return self.simulator.arrays() | own | self.observer.arrays()
+        return self.simulator.arrays() | own | self._rewards.arrays() | self.observer.arrays()

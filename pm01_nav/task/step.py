@@ -13,8 +13,8 @@ from typing import Any
 
 from pm01_nav.errors import InputError
 
-ON_DEMAND = ("path_distance", "visited")
-"""What a term may need: the lengths of the way to the goal, and the trail."""
+ON_DEMAND = {"path_distance": "path_distances", "visited": "trail"}
+"""What a term may need, and the simulator's feature (``sim.settings``) that it comes from."""
 
 
 class OnDemand:

@@ -85,6 +85,14 @@ def test_unknown_task_names_those_allowed() -> None:
             {"observation": {"sector": 1}},
             r"observation\.sector: unknown key; allowed here: sectors, nearness_distance",
         ),
+        (
+            {"observation": {"parts": {"sonar": {}}}},
+            r"observation\.parts\.sonar: unknown; allowed: ",
+        ),
+        (
+            {"observation": {"parts": {"trail": {"size": 1}}}},
+            r"observation\.parts\.trail\.size: unknown; allowed: layout",
+        ),
         ({"rewards": {"goa": {"weight": 1}}}, r"rewards\.goa: unknown; allowed: collision, goal"),
         (
             {"rewards": {"proximity": {"weight": 1, "params": {"far": 1}}}},

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from pm01_nav.arrays import Arrays, array_namespace
-from pm01_nav.errors import InputError
 from pm01_nav.policy import OnnxPolicy
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.navigation import NavigationBatch
@@ -133,9 +132,9 @@ def test_a_part_is_trained_exported_and_seen_alike_on_a_robot(tmp_path) -> None:
 @pytest.mark.usefixtures("own_part")
 def test_unknown_parts_and_parameters_are_refused() -> None:
     robot = task_config("static").robot_spec()
-    with pytest.raises(InputError, match=r"parts\.side_clearance\.colour: unknown; allowed: reach"):
+    with pytest.raises(ValueError, match=r"parts\.side_clearance\.colour: unknown; allowed: reach"):
         observation_layout(with_part(colour=1), robot)
     del PARTS["side_clearance"]
-    with pytest.raises(InputError, match=r"parts\.side_clearance: unknown; allowed: angular_vel"):
+    with pytest.raises(ValueError, match=r"parts\.side_clearance: unknown; allowed: angular_vel"):
         observation_layout(with_part(), robot)
     observation_part(SideClearance)

@@ -154,6 +154,20 @@ def observation_part(part: PartClass) -> PartClass:
     return part
 
 
+def check_part(name: str, parameters: Mapping[str, Any]) -> None:
+    """Make sure that there is such a part with such parameters.
+
+    Raises:
+        InputError: names what is unknown.
+    """
+    if name not in PARTS:
+        raise InputError(f"observation.parts.{name}: unknown; allowed: {', '.join(sorted(PARTS))}")
+    allowed = [f.name for f in fields(PARTS[name])][2:]
+    if unknown := sorted(set(parameters) - set(allowed)):
+        known = ", ".join(allowed) or "none"
+        raise InputError(f"observation.parts.{name}.{unknown[0]}: unknown; allowed: {known}")
+
+
 def make_part(
     name: str, parameters: Mapping[str, Any], lidar: ScanGeometry, drive: Drive
 ) -> ObservationPart:
@@ -162,12 +176,7 @@ def make_part(
     Raises:
         InputError: no such part, or a parameter is unknown or not allowed.
     """
-    if name not in PARTS:
-        raise InputError(f"observation.parts.{name}: unknown; allowed: {', '.join(sorted(PARTS))}")
-    allowed = [f.name for f in fields(PARTS[name])][2:]
-    if unknown := sorted(set(parameters) - set(allowed)):
-        known = ", ".join(allowed) or "none"
-        raise InputError(f"observation.parts.{name}.{unknown[0]}: unknown; allowed: {known}")
+    check_part(name, parameters)
     return PARTS[name](lidar, drive, **parameters)
 
 
