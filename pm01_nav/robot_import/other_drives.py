@@ -22,7 +22,8 @@ def refuse_other_drives(urdf: Urdf, drive: Drive, wheels: Sequence[Joint]) -> No
         InputError: it is such a robot; it says by what one sees that.
     """
     if drive.kind == "holonomic":
-        raise InputError(f"{drive.where}: an omnidirectional robot (mecanum or omni wheels): {BY_HAND}")
+        what = "an omnidirectional robot (mecanum or omni wheels)"
+        raise InputError(f"{drive.where}: {what}: {BY_HAND}")
     if drive.kind == "steered":
         raise InputError(f"{drive.where}: a car-like robot (Ackermann steering): {HOW}")
     # A plugin of a differential drive knows better than a shape.
