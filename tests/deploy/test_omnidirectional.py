@@ -257,3 +257,18 @@ def test_an_engine_that_turns_wheels_refuses_a_robot_without(backend):
     what = f"backend = '{backend}': cannot move robot omni_disc, whose drive is omnidirectional"
     with pytest.raises(InputError, match=what):
         make_simulator(backend, NUMPY, OMNI, None, 1)
+
+
+def test_the_judge_sees_nothing_unsafe_and_would_see_it(safety_fuzz, monkeypatch):
+    robot = safety_fuzz.robot_with("omni_disc", 360)
+
+    def violations(seeds: int) -> set[str]:
+        sequences = [safety_fuzz.Sequence(k, robot, safety_fuzz.HONEST) for k in range(seeds)]
+        for sequence in sequences:
+            sequence.controller.clock = lambda: 0.0
+            sequence.run()
+        return {name for sequence in sequences for name in sequence.violations}
+
+    assert violations(8) == set()
+    monkeypatch.setattr(SafetySupervisor, "_share", lambda *_, **__: (1.0, math.inf))
+    assert violations(12) == {"drives into a disc"}
