@@ -276,9 +276,10 @@ def _draw_robot(brush: _Brush, robot: RobotSpec, scene: Scene) -> None:
     else:
         corners = brush.pixels(to_world(np.array(footprint.vertices), pose))
         brush.draw.polygon(corners, color, dark, brush.width(1.5))
-    for side in (-0.5, 0.5) if wheels else ():
-        wheel = rectangle(0.0, side * wheels.separation, 2 * wheels.radius, 0.4 * wheels.radius)
-        brush.draw.polygon(brush.pixels(to_world(wheel, pose)), INK)
+    if wheels is not None:
+        for y in (-0.5 * wheels.separation, 0.5 * wheels.separation):
+            wheel = rectangle(0.0, y, 2 * wheels.radius, 0.4 * wheels.radius)
+            brush.draw.polygon(brush.pixels(to_world(wheel, pose)), INK)
     arrow = footprint.inscribed_radius * ARROW
     brush.draw.polygon(brush.pixels(to_world(arrow, pose)), WHITE)
 
