@@ -68,9 +68,10 @@ BROKEN = Faults(
 class StrangePolicy:
     """Answers with commands of any size, and now and then with no command at all."""
 
-    def __init__(self, rng: np.random.Generator, faults: Faults) -> None:
-        """Draw answers from ``rng``."""
+    def __init__(self, rng: np.random.Generator, faults: Faults, size: int = 2) -> None:
+        """Draw answers of ``size`` numbers from ``rng``."""
         self.rng, self.faults = rng, faults
+        self._side = [1.5] * (size - 2)
         self.failed = False
         self._steady = np.zeros(2)
 
@@ -86,7 +87,9 @@ class StrangePolicy:
         if not self.failed:
             if self.rng.random() < 0.2:
                 # Mostly forwards, within three times the limits.
-                self._steady = self.rng.uniform([-0.6, -4.5], [1.5, 4.5])
+                self._steady = self.rng.uniform(
+                    [-0.6, *(-most for most in self._side), -4.5], [1.5, *self._side, 4.5]
+                )
             return self._steady
         nonsense = [None, "left", [math.nan, 0.0], [0.1, math.inf], [0.1], np.zeros((2, 2)), {}]
         choice = int(self.rng.integers(len(nonsense) + 1))
@@ -185,7 +188,7 @@ def _no_pose(rng: np.random.Generator, odometry: Odometry) -> Odometry:
 def _no_twist(rng: np.random.Generator, odometry: Odometry) -> Odometry:
     twist = odometry.twist.copy()
     # Not finite, or faster than any robot.
-    twist[int(rng.integers(2))] = rng.choice([math.nan, math.inf, 50.0, -50.0])
+    twist[int(rng.integers(len(twist)))] = rng.choice([math.nan, math.inf, 50.0, -50.0])
     return replace(odometry, twist=twist)
 
 

@@ -27,7 +27,7 @@ FROZEN_S = 1.5
 """A lidar that repeats itself for so long while the robot moves must have been noticed [s]."""
 NOTABLE = (0.05, 0.12)
 """A robot that moves faster than this is known to move [m/s, rad/s]."""
-Command = tuple[float, float]
+Command = tuple[float, ...]
 
 
 class Topic:
@@ -119,20 +119,25 @@ class Judge:
 
         ``stop`` names what else the robot must stand for, and whether it does.
         """
-        v, w = command
-        limits = self.robot.limits
+        v, *side, w = command
+        limits, u = self.robot.limits, sum(side)
         checks = {
-            "not finite": not (math.isfinite(v) and math.isfinite(w)),
+            "not finite": not all(map(math.isfinite, command)),
             "beyond the limits": not (
                 limits.linear_min <= v <= limits.linear_max and abs(w) <= limits.angular_max
             ),
             "too sudden": not (
                 _reachable(before[0], v, limits.linear_acceleration * CONTROL_DT)
-                and _reachable(before[1], w, limits.angular_acceleration * CONTROL_DT)
+                and _reachable(before[-1], w, limits.angular_acceleration * CONTROL_DT)
             ),
         }
-        if command != (0.0, 0.0):
-            checks |= stop | self._stale(now) | self._untold(v)
+        if side:
+            # A robot of the same speed in every direction.
+            checks["beyond the limits"] |= math.hypot(v, u) > limits.lateral_max + 1e-9
+            change = limits.lateral_acceleration * CONTROL_DT
+            checks["too sudden"] |= not _reachable(before[1], u, change)
+        if any(command):
+            checks |= stop | self._stale(now) | self._untold(v, u)
         for topic in self.topics.values():
             topic.changed = False
         self.violations += [name for name, wrong in checks.items() if wrong]
@@ -146,14 +151,14 @@ class Judge:
             for kind, timeout in timeouts.items()
         }
 
-    def _untold(self, v: float) -> dict[str, bool]:
+    def _untold(self, v: float, u: float) -> dict[str, bool]:
         """Tell what the newest messages do not allow a robot that moves."""
         scan, odometry = self.topics["scan"].message, self.topics["odometry"].message
         unusable, blind = False, False
         if scan is not None:
             told = what_is_told(scan, self.robot.lidar.zero_means != "invalid")
             unusable = sum(told) < 0.5 * len(told)
-            blind = v != 0.0 and is_blind(scan, told, v < 0.0)
+            blind = (v or u) != 0.0 and is_blind(scan, told, math.degrees(math.atan2(u, v)))
         return {
             "unusable scan": unusable,
             "drives blindly": blind,
@@ -191,13 +196,13 @@ def what_is_told(scan: Scan, zero_is_valid: bool) -> list[bool]:
     return told
 
 
-def is_blind(scan: Scan, told: list[bool], backwards: bool) -> bool:
+def is_blind(scan: Scan, told: list[bool], course: float) -> bool:
     """Tell whether most of a quarter of a circle, or a sixteenth in one piece, is not seen."""
     step = math.degrees(scan.angle_increment)
     first = math.degrees(scan.angle_min)
     unseen, run, longest = 0, 0, 0
     for direction in range(-45, 46):
-        ahead = direction + (180 if backwards else 0)
+        ahead = direction + course
         beam = round((ahead - first) % 360.0 / step) if step else 0
         beam = beam % len(told) if len(told) * step > 359.0 else beam
         seen = beam < len(told) and told[beam]
@@ -220,7 +225,7 @@ def cannot_stop(robot: RobotSpec, base: Base, discs: Any, command: Command) -> b
     if len(discs) == 0 or gap(robot, base, discs) <= 0.0:
         return False
     ghost = Base(robot, base.pose, base.twist)
-    for seconds, told in ((0.09, command), (0.6, (0.0, 0.0))):
+    for seconds, told in ((0.09, command), (0.6, (0.0,) * len(command))):
         for _ in range(round(seconds / 0.03)):
             ghost.move(told, 0.03)
             if gap(robot, ghost, discs) <= 0.0:

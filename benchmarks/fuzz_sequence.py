@@ -46,7 +46,7 @@ class Sequence:
         if not self.honest:
             robot = _with_zeros(robot, str(rng.choice(["invalid", "invalid", "no_return"])))
         self.robot = robot
-        self.strange = StrangePolicy(rng, self.faults)
+        self.strange = StrangePolicy(rng, self.faults, robot.base.size)
         safety = SafetyConfig()
         self.controller = Controller(
             policy or self.strange,
@@ -58,7 +58,7 @@ class Sequence:
         )
         self.goal_place = Goal(50.0, 0.0) if policy is None else Goal(2.0, rng.uniform(-1.0, 1.0))
         self.controller.set_goal(self.goal_place)
-        self.base = Base(robot, np.zeros(3), np.zeros(2))
+        self.base = Base(robot, np.zeros(3), np.zeros(robot.base.size))
         self.judge = Judge(robot, self.faults, safety)
         self.discs = self._scene(clear=policy is not None)
         # The robot's clock, ahead of ours by U(-1000, 1000) s.
@@ -81,7 +81,7 @@ class Sequence:
         """Whether a message was another than it should be, not only lost, late or doubled."""
         self.arrived = False
         self.told = Counter[str]()
-        self.command = (0.0, 0.0)
+        self.command = self.rest = (0.0,) * robot.base.size
         self.silent = {"scan": math.inf, "odometry": math.inf}
         self.pressed: set[str] = set()
         """Who presses the emergency stop."""
@@ -219,13 +219,13 @@ class Sequence:
         self.strange.failed = False
         # Who heard nothing for 0.2 s by our clock has been stopped by the watchdog.
         silent = now + self.our_clock - self.stepped > 0.2
-        before = (0.0, 0.0) if silent else self.command
+        before = self.rest if silent else self.command
         self.stepped = now + self.our_clock
         status = self.controller.step(now + self.our_clock, math.inf if lost else 0.0)
         self.command = status.verdict.command
         reasons = {reason.name for reason in status.verdict.reasons}
         self.told.update(reasons)
-        self.told["DRIVES" if self.command != (0.0, 0.0) else "STANDS"] += 1
+        self.told["DRIVES" if self.command != self.rest else "STANDS"] += 1
         self.judge.judge(before, self.command, now, stop=self._reasons_to_stand(lost))
         if reasons & {"CLOCK_JUMP", "ODOMETRY_JUMP"}:
             self.judge.forget()

@@ -28,7 +28,8 @@ class Base:
         self._limits = robot.limits
         self._keep = math.exp(-0.01 / max(robot.actuator.lag_s, 1e-9))
         self._x, self._y, self._yaw = map(float, pose)
-        self._v, self._w = map(float, twist)
+        self._v, *side, self._w = map(float, twist)
+        self._goes_sideways, self._u = bool(side), sum(side)
 
     @property
     def pose(self) -> FloatArray:
@@ -37,20 +38,26 @@ class Base:
 
     @property
     def twist(self) -> FloatArray:
-        """v, w [m/s, rad/s]."""
-        return np.array([self._v, self._w])
+        """v, w or vx, vy, w [m/s, rad/s]."""
+        side = [self._u] if self._goes_sideways else []
+        return np.array([self._v, *side, self._w])
 
-    def move(self, command: tuple[float, float], seconds: float) -> None:
+    def move(self, command: tuple[float, ...], seconds: float) -> None:
         """Follow ``command`` for a while, in steps of 10 ms."""
         dt, keep = 0.01, self._keep
+        du = getattr(self._limits, "lateral_acceleration", 0.0) * dt
+        to_the_side = command[1] if self._goes_sideways else 0.0
         dv = self._limits.linear_acceleration * dt
         dw = self._limits.angular_acceleration * dt
         for _ in range(round(seconds / dt)):
             self._v += min(max((command[0] - self._v) * (1.0 - keep), -dv), dv)
-            self._w += min(max((command[1] - self._w) * (1.0 - keep), -dw), dw)
+            self._w += min(max((command[-1] - self._w) * (1.0 - keep), -dw), dw)
+            self._u += min(max((to_the_side - self._u) * (1.0 - keep), -du), du)
             heading = self._yaw + 0.5 * self._w * dt
             self._x += self._v * dt * math.cos(heading)
             self._y += self._v * dt * math.sin(heading)
+            self._x -= self._u * dt * math.sin(heading)
+            self._y += self._u * dt * math.cos(heading)
             self._yaw += self._w * dt
 
 

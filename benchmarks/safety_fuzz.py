@@ -112,7 +112,7 @@ def run(
 
 
 def main() -> None:
-    """Play sequences of all kinds with a round and an oblong robot."""
+    """Play sequences of all kinds with a round, an oblong and an omnidirectional robot."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sequences", type=int, default=200_000, help="broken ones of PM01")
     parser.add_argument("--workers", type=int, default=2)
@@ -125,6 +125,8 @@ def main() -> None:
         ("pm01", "honest", count // 20),
         ("jackal", "broken", count // 5),
         ("jackal", "honest", count // 20),
+        ("omni_disc", "broken", count // 5),
+        ("omni_disc", "honest", count // 20),
     )
     results: dict[str, dict[str, Any]] = {}
     settings = {"control_steps": TICKS, "with_a_frozen_lidar": LONG_TICKS}

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from pm01_nav.sim.simulator import Simulator
     from pm01_nav.worlds.pool import WorldPool
 
+WHEEL_PAIR = ("differential",)
+"""Engines turn two wheels, and casters follow (``body.py``)."""
 DEFAULT_GAZEBO = GazeboConfig()
 Build = Callable[..., Any]
 
@@ -35,16 +37,20 @@ class Backend(NamedTuple):
     """From what a task says of Gazebo, the robot, the pool, ``num_envs`` and ``how``."""
     most_robots: int | None
     """How many robots are worth driving at once, where each is a process; None is no limit."""
+    drives: tuple[str, ...] | None
+    """The drives that it can move; None is all."""
 
 
 BACKENDS: dict[str, Backend] = {}
 
 
-def backend(name: str, most_robots: int | None = None) -> Callable[[Build], Build]:
+def backend(
+    name: str, most_robots: int | None = None, drives: tuple[str, ...] | None = None
+) -> Callable[[Build], Build]:
     """Enter a function in the table of backends; it imports its engine when it is called."""
 
     def enter(build: Build) -> Build:
-        BACKENDS[name] = Backend(build, most_robots)
+        BACKENDS[name] = Backend(build, most_robots, drives)
         return build
 
     return enter
@@ -69,7 +75,7 @@ def _planar(
     return PlanarSimulator(robot, pool, num_envs, **how)
 
 
-@backend("mujoco")
+@backend("mujoco", drives=WHEEL_PAIR)
 def _mujoco(
     _: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
 ) -> Simulator:
@@ -81,7 +87,7 @@ def _mujoco(
     return PhysicsSimulator(MujocoEngine, robot, pool, num_envs, **how)
 
 
-@backend("pybullet")
+@backend("pybullet", drives=WHEEL_PAIR)
 def _pybullet(
     _: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
 ) -> Simulator:
@@ -94,7 +100,7 @@ def _pybullet(
     return PhysicsSimulator(PybulletEngine, robot, pool, num_envs, **how)
 
 
-@backend("gazebo", most_robots=os.cpu_count() or 1)
+@backend("gazebo", most_robots=os.cpu_count() or 1, drives=WHEEL_PAIR)
 def _gazebo(
     gazebo: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
 ) -> Simulator:
@@ -106,7 +112,7 @@ def _gazebo(
     return PhysicsSimulator(GazeboEngine, robot, pool, num_envs, localized=localized, **how)
 
 
-@backend("gazebo_transport", most_robots=1)
+@backend("gazebo_transport", most_robots=1, drives=WHEEL_PAIR)
 def _gazebo_transport(
     gazebo: GazeboConfig, robot: RobotSpec, pool: WorldPool, num_envs: int, **how: Any
 ) -> Simulator:
@@ -133,8 +139,14 @@ def make_simulator(
     Where ``arrays`` are on a GPU, so is the simulator. ``gazebo`` is for Gazebo alone.
 
     Raises:
-        InputError: the engine is not installed, or cannot run on a GPU.
+        InputError: the engine is not installed, cannot move the robot, or cannot run on a GPU.
     """
+    drives = BACKENDS[backend].drives
+    if drives is not None and robot.drive not in drives:
+        raise InputError(
+            f"backend = {backend!r}: cannot move robot {robot.name}, whose drive is {robot.drive}; "
+            f"it can move: {', '.join(drives)}; give --backend planar"
+        )
     if arrays.device != "cpu":
         if backend != "planar":
             raise InputError(f"backend = {backend!r}: runs on the CPU only; give --device cpu")

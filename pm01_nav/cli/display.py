@@ -20,6 +20,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from pm01_nav.drives.limits import OmnidirectionalLimits
+
 if TYPE_CHECKING:
     from pm01_nav.robot import RobotSpec
 
@@ -219,8 +221,6 @@ def _robot_rows(robot: RobotSpec) -> tuple[Rows, Rows, Rows]:
 
 
 def _body_rows(robot: RobotSpec) -> Rows:
-    from pm01_nav.backends.body import body_model
-
     footprint = robot.footprint
     outline = f"circle of {footprint.radius:g} m"
     if footprint.vertices:
@@ -237,8 +237,19 @@ def _body_rows(robot: RobotSpec) -> Rows:
         "name": (robot.name,),
         "footprint": (outline, "footprint"),
         "reaches, at least and at most": (reach,),
-        "wheel radius": (f"{robot.driven_wheels.radius:g} m", "wheels.radius"),
-        "wheel separation": (f"{robot.driven_wheels.separation:g} m", "wheels.separation"),
+        "drive": (robot.drive, "drive"),
+    } | _wheel_rows(robot)
+
+
+def _wheel_rows(robot: RobotSpec) -> Rows:
+    """Return the wheels, and what physics engines know of a robot that has a pair of them."""
+    if robot.wheels is None:
+        return {}
+    from pm01_nav.backends.body import body_model
+
+    return {
+        "wheel radius": (f"{robot.wheels.radius:g} m", "wheels.radius"),
+        "wheel separation": (f"{robot.wheels.separation:g} m", "wheels.separation"),
         "mass, in physics engines": (f"{body_model(robot).mass:.4g} kg", "body.mass"),
         "height, likewise": (f"{robot.body.height:g} m", "body.height"),
     }
@@ -246,6 +257,15 @@ def _body_rows(robot: RobotSpec) -> Rows:
 
 def _limit_rows(robot: RobotSpec) -> Rows:
     limits = robot.limits
+    aside: Rows = {}
+    if isinstance(limits, OmnidirectionalLimits):
+        slantwise = {"box": "both speeds at once", "ellipse": "less of both speeds"}[limits.shape]
+        faster = f"{limits.lateral_acceleration:g} m/s^2"
+        aside = {
+            "speed to either side": (f"{limits.lateral_max:g} m/s", "limits.lateral_max"),
+            "acceleration to the side": (faster, "limits.lateral_acceleration"),
+            "slantwise": (slantwise, "limits.shape"),
+        }
     speed = f"{limits.linear_min:g} to {limits.linear_max:g} m/s"
     turning = f"{limits.angular_acceleration:g} rad/s^2"
     return {
@@ -253,6 +273,7 @@ def _limit_rows(robot: RobotSpec) -> Rows:
         "turn rate": (f"{limits.angular_max:g} rad/s", "limits.angular_max"),
         "acceleration": (f"{limits.linear_acceleration:g} m/s^2", "limits.linear_acceleration"),
         "angular acceleration": (turning, "limits.angular_acceleration"),
+        **aside,
         "lag of the base": (f"{robot.actuator.lag_s:g} s", "actuator.lag_s"),
     }
 

@@ -87,7 +87,7 @@ def command(policy: str, **options: Any) -> None:
     if options["record_to"]:
         from pm01_nav.deploy.recording import Recorder
 
-        recorder = Recorder(options["record_to"])
+        recorder = Recorder(options["record_to"], controller.axes)
     driver = Driver(controller, link, sim_time=options["sim_time"], record=recorder)
     # Both let the loop end by itself, so that the last thing the robot hears is a stop.
     for number in (signal.SIGINT, signal.SIGTERM):

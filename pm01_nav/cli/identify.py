@@ -50,6 +50,7 @@ def command(
     from rich.console import Console
 
     from pm01_nav.config import check_output, to_yaml, write_atomically
+    from pm01_nav.deploy.excitation import check_identifiable
     from pm01_nav.deploy.identification import (
         described,
         identified_ranges,
@@ -68,6 +69,7 @@ def command(
     if plot is not None:
         _check_plot(plot)
     spec = load_robot(robot)
+    check_identifiable(spec)
     recordings = [_read(bag, **source) for bag in bags]
     found = identify(recordings, spec)
     origin = f"# Identified from {', '.join(Path(bag).name for bag in bags)} by pm01 identify.\n"

@@ -45,7 +45,7 @@ def command(
         robot = "pm01"
     controller = load_controller(policy, robot, same_clock=True)
     sim = simulated_robot(world, controller.robot, seed=seed, dt=0.02, randomization=randomization)
-    recorder = Recorder(output)
+    recorder = Recorder(output, controller.axes)
     try:
         arrived = drive_simulated(controller, sim, seconds, recorder)
     finally:

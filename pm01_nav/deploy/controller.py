@@ -23,7 +23,6 @@ from pm01_nav.deploy.goals import Goal, turn_rate
 from pm01_nav.deploy.messages import Odometry, Scan
 from pm01_nav.deploy.safety import (
     COMMAND_HELD_S,
-    STOP,
     Command,
     Reason,
     SafetyConfig,
@@ -89,6 +88,9 @@ class Controller:
         """A heading is reached within this [rad]."""
         self.policy = policy
         self.robot = robot
+        self.drive = robot.base
+        self.axes = self.drive.axes
+        """What the numbers of commands and of odometry's twists stand for."""
         self.control_dt = control_dt / max(1, math.ceil(control_dt / LONGEST_STEP_S - 1e-9))
         """Time between two calls of ``step`` [s]; in between, a slow policy's answer is kept."""
         self.goal_radius = goal_radius
@@ -100,7 +102,7 @@ class Controller:
         self._asked_at = -math.inf
         """When the policy gave the answer that is kept [s]; not finite if there is none."""
         self._answer: NDArray[np.float64] | None = None
-        self._commanded: tuple[float, Command] = (-math.inf, STOP)
+        self._commanded: tuple[float, Command] = (-math.inf, self.supervisor.stop)
         """When the robot was told what [s], [m/s, rad/s]."""
         self._goals: deque[Goal] = deque()
         self._turning_since: float | None = None
@@ -194,7 +196,7 @@ class Controller:
             self._sound = now
         distance = self._distance(now)
         arrived = not faults and self._reach(now)
-        proposed: NDArray[np.float64] | Command | None = None
+        proposed: NDArray[np.float64] | None = None
         if not faults and self.goal is not None:
             proposed = self._propose(self.goal, now)
         else:
@@ -248,13 +250,13 @@ class Controller:
             return 0.0
         return float(wrap_angle(self.goal.yaw - pose[2]))
 
-    def _propose(self, goal: Goal, now: float) -> NDArray[np.float64] | Command | None:
+    def _propose(self, goal: Goal, now: float) -> NDArray[np.float64] | None:
         """Return what to do about a goal that is not reached yet; None if the policy fails."""
         if self._turning_since is not None:
             self.failure = None
             self._asked_at = -math.inf
             left = self._left_to_turn(now)
-            return 0.0, turn_rate(left, self.robot.limits, self.control_dt)
+            return self.drive.turning(turn_rate(left, self.drive, self.control_dt))
         pose = self.supervisor.pose(now)
         assert pose is not None
         return self._policy_says(to_frame(np.array([goal.x, goal.y]), pose), now)
@@ -263,7 +265,7 @@ class Controller:
         """Tell whether nobody expects the robot to reach its goals any more."""
         assert self._sound is not None
         if self._turning_since is not None:
-            slowest = 2.0 * math.pi / self.robot.limits.angular_max
+            slowest = 2.0 * math.pi / self.drive.angular_max
             if now - self._turning_since > self.patience_s + slowest:
                 self.failure = "the goal is reached, but there is no room to turn to its heading"
                 return True
@@ -292,7 +294,7 @@ class Controller:
             if is_timed(policy):
                 at, applied = self._commanded
                 # After a longer silence a watchdog has stopped the robot.
-                applied = applied if now - at <= COMMAND_HELD_S else STOP
+                applied = applied if now - at <= COMMAND_HELD_S else self.supervisor.stop
                 pose = self.supervisor.pose(now)
                 command = policy.act(*sees, now=now, applied=applied, pose=pose)
             else:

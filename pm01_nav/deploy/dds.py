@@ -9,6 +9,7 @@ import threading
 from typing import Any
 
 from pm01_nav.deploy.link import Inbox, Topics
+from pm01_nav.deploy.messages import ros_twist
 from pm01_nav.deploy.safety import Command
 from pm01_nav.errors import InputError
 
@@ -131,8 +132,8 @@ class DdsLink:
         """Send a command to whoever listens."""
         if self._writer is None:
             return
-        types = self._types
-        twist = types.Twist(types.Vector3(x=command[0]), types.Vector3(z=command[1]))
+        types, (x, y, yaw) = self._types, ros_twist(command)
+        twist = types.Twist(types.Vector3(x=x, y=y), types.Vector3(z=yaw))
         self._writer.write(types.TwistStamped(twist=twist) if self.topics.stamped else twist)
 
     def age(self) -> float:

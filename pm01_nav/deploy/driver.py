@@ -125,7 +125,7 @@ class Driver:
             controller.see_scan(scan_from_ros(message), arrived)
         elif event.kind == "odometry":
             self._frame = message.header.frame_id
-            controller.see_odometry(odometry_from_ros(message), arrived)
+            controller.see_odometry(odometry_from_ros(message, controller.axes), arrived)
         elif event.kind == "clock":
             self._clock = seconds(message.clock)
         elif event.kind == "goal":

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pm01_nav.drives import DRIVES
+from pm01_nav.errors import InputError
+
 if TYPE_CHECKING:
     from pm01_nav.robot import RobotSpec
 
@@ -17,11 +20,29 @@ REST_SHARE = 0.25
 """So many commands are rests, in which the lidar's noise shows."""
 
 
+def check_identifiable(robot: RobotSpec) -> None:
+    """Refuse a robot for whose drive there is no model.
+
+    Raises:
+        InputError: there is none; it names the drives that have one.
+    """
+    if DRIVES[robot.drive].identified_by is None:
+        able = ", ".join(name for name, kind in sorted(DRIVES.items()) if kind.identified_by)
+        raise InputError(
+            f"robot {robot.name}: the drive {robot.drive} cannot be identified; can be: {able}"
+        )
+
+
 class Excitation:
     """Stands where a policy stands, so the supervisor watches over it."""
 
     def __init__(self, robot: RobotSpec, control_dt: float, seed: int = 0) -> None:
-        """Draw commands within the limits of ``robot``, one every ``control_dt`` [s]."""
+        """Draw commands within the limits of ``robot``, one every ``control_dt`` [s].
+
+        Raises:
+            InputError: its drive cannot be identified.
+        """
+        check_identifiable(robot)
         self._limits = robot.limits
         self._dt = control_dt
         self._rng = np.random.default_rng(seed)

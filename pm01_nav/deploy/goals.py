@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from pm01_nav.errors import InputError
 
 if TYPE_CHECKING:
-    from pm01_nav.robot import Limits
+    from pm01_nav.drives import Drive
 
 BRAKING_SHARE = 0.5
 """Of the angular acceleration is planned with at the end of a turn: a base lags behind."""
@@ -36,12 +36,12 @@ class Goal:
             raise InputError(f"goal's yaw = {self.yaw}: must be finite")
 
 
-def turn_rate(error: float, limits: Limits, control_dt: float) -> float:
+def turn_rate(error: float, drive: Drive, control_dt: float) -> float:
     """Return how fast to turn on the spot [rad/s] when ``error`` [rad] is left to turn.
 
     It is the fastest rate from which the robot comes to rest within what is left, and which does
     not pass it within ``control_dt`` [s].
     """
-    braking = BRAKING_SHARE * limits.angular_acceleration
-    fastest = min(limits.angular_max, math.sqrt(2.0 * braking * abs(error)))
+    braking = BRAKING_SHARE * drive.acceleration[-1]
+    fastest = min(drive.angular_max, math.sqrt(2.0 * braking * abs(error)))
     return math.copysign(min(fastest, abs(error) / control_dt), error)

@@ -11,6 +11,7 @@ import numpy as np
 
 from pm01_nav.config import validate
 from pm01_nav.deploy.base_fit import BaseFit, Estimate, fit_drives
+from pm01_nav.deploy.excitation import check_identifiable
 from pm01_nav.deploy.lidar_fit import at_rest, fit_noise, fit_travel
 from pm01_nav.deploy.messages import Scan
 from pm01_nav.deploy.recording import Recording
@@ -55,8 +56,9 @@ def identify(recordings: Recording | Sequence[Recording], robot: RobotSpec) -> I
     """Fit base and lidar of ``robot`` to a drive, or to several.
 
     Raises:
-        InputError: the drives are too short, or the robot stood.
+        InputError: the drives are too short, the robot stood, or its drive has no model.
     """
+    check_identifiable(robot)
     drives = [recordings] if isinstance(recordings, Recording) else list(recordings)
     _check(drives)
     base = fit_drives([(one.commands, one.odometry[:, :3]) for one in drives], robot)

@@ -8,13 +8,15 @@ Nothing here imports ROS.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from pm01_nav.drives import AxisName
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class Odometry:
     pose: NDArray[np.float64]
     """x, y, yaw in the odometry frame [m, m, rad], shape (3,)."""
     twist: NDArray[np.float64]
-    """v and w in base_link [m/s, rad/s], shape (2,)."""
+    """In base_link [m/s, rad/s], a number for each axis of the drive, such as v and w."""
     frame_id: str = ""
     """In which the pose is; empty if unknown."""
 
@@ -85,17 +87,27 @@ def scan_from_ros(message: Any) -> Scan:
     )
 
 
-def odometry_from_ros(message: Any) -> Odometry:
-    """Return a ``nav_msgs/Odometry`` as ours."""
+def odometry_from_ros(message: Any, axes: Sequence[AxisName] = ("x", "yaw")) -> Odometry:
+    """Return a ``nav_msgs/Odometry`` as ours, with the speeds of a drive's ``axes``."""
     place, turn = message.pose.pose.position, message.pose.pose.orientation
     twist = message.twist.twist
     yaw = yaw_of_quaternion(turn.x, turn.y, turn.z, turn.w)
     return Odometry(
         stamp=seconds(message.header.stamp),
         pose=np.array([place.x, place.y, yaw], dtype=np.float64),
-        twist=np.array([twist.linear.x, twist.angular.z], dtype=np.float64),
+        twist=np.array([_speed(twist, axis) for axis in axes], dtype=np.float64),
         frame_id=str(getattr(message.header, "frame_id", "")),
     )
+
+
+def _speed(twist: Any, axis: AxisName) -> float:
+    return twist.angular.z if axis == "yaw" else getattr(twist.linear, axis)
+
+
+def ros_twist(command: Sequence[float] | NDArray[np.floating]) -> tuple[float, float, float]:
+    """Return linear.x, linear.y and angular.z of a command or a twist: v, w or vx, vy, w."""
+    x, *y, yaw = map(float, command)
+    return x, y[0] if y else 0.0, yaw
 
 
 def seconds(stamp: Any) -> float:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -32,6 +33,7 @@ BLIND_GAP = math.radians(10.0) + 1e-6
 """So wide a gap between the beams that tell something hides a leg half a metre away [rad]."""
 BLIND_STEPS = 2.5
 """A gap is wider than so many steps between beams: one beam that is lost makes two."""
+AHEAD_AND_BEHIND = (0.0, math.pi)
 
 
 class Outline:
@@ -80,18 +82,20 @@ def returns_as_points(scan: Scan, mount: FloatArray) -> FloatArray:
     return to_world(points, mount)
 
 
-def seen_share(scan: Scan, mount_yaw: float) -> tuple[float, float]:
-    """Return how much of what lies ahead, and of what lies behind, a scan tells anything of.
+def seen_share(
+    scan: Scan, mount_yaw: float, courses: Sequence[float] = AHEAD_AND_BEHIND
+) -> tuple[float, ...]:
+    """Return how much a scan tells of what lies on each course, a direction in base_link [rad].
 
     It is the number of valid beams within ``CONE``, as a share of those that a lidar which looks
     there would have; and 0 where a gap between them is wider than ``BLIND_GAP``.
     """
     if scan.angle_increment == 0.0:
-        return 0.0, 0.0
+        return (0.0,) * len(courses)
     ranges = np.asarray(scan.ranges, dtype=np.float32)
     valid = is_valid(ranges, np.float32(scan.range_min), np.float32(scan.range_max))
     beams = (len(ranges), mount_yaw + scan.angle_min, scan.angle_increment)
-    return _share_within(_cone(*beams, 0.0), valid), _share_within(_cone(*beams, math.pi), valid)
+    return tuple(_share_within(_cone(*beams, course), valid) for course in courses)
 
 
 class _Cone(NamedTuple):
@@ -133,31 +137,32 @@ def _share_within(cone: _Cone | None, valid: NDArray[np.bool_]) -> float:
 def time_to_contact(
     outline: Outline,
     points: FloatArray,
-    twist: tuple[float, float],
+    twist: Sequence[float] | FloatArray,
     horizon: float,
     padding: float = 0.0,
     obstacle_speed: float = 0.0,
 ) -> float:
     """Return when the outline may first touch a point on the arc of ``twist`` [s]; inf if never.
 
-    ``points`` (n, 2) in base_link [m], ``twist`` v and w [m/s, rad/s], ``horizon`` [s] is how far
-    it looks. The outline is ``padding`` [m] larger to every side, and points may come nearer at
-    ``obstacle_speed`` [m/s]. A point that is inside from the start counts where it comes nearer.
-    The answer may be early, by the time of two looks; it is never late.
+    ``points`` (n, 2) in base_link [m], ``twist`` v, w or vx, vy, w [m/s, rad/s], ``horizon`` [s]
+    is how far it looks. The outline is ``padding`` [m] larger to every side, and points may come
+    nearer at ``obstacle_speed`` [m/s]. A point that is inside from the start counts where it comes
+    nearer. The answer may be early, by the time of two looks; it is never late.
     """
-    v, w = twist
-    speed = abs(v) + abs(w) * outline.turning_radius
+    *linear, turn = map(float, twist)
+    travel = math.hypot(*linear)
+    speed = travel + abs(turn) * outline.turning_radius
     steps = min(math.ceil(speed * horizon / STEP), MAX_LOOKS)
     if steps == 0:
         return math.inf
     # Between two looks the outline may come nearer by half of what it moves.
     between = 0.5 * speed * horizon / steps
-    reach = outline.radius + padding + between + (abs(v) + obstacle_speed) * horizon
+    reach = outline.radius + padding + between + (travel + obstacle_speed) * horizon
     points = points[np.hypot(points[:, 0], points[:, 1]) <= reach]
     if len(points) == 0:
         return math.inf
     times = np.linspace(0.0, horizon, steps + 1)
-    poses = after_twist(np.zeros((steps + 1, 3)), np.array([[v, w]]), times)
+    poses = after_twist(np.zeros((steps + 1, 3)), np.array([[*linear, turn]]), times)
     clearance = outline.clearance(to_frame(points, poses[:, None])) - padding
     free = clearance - obstacle_speed * times[:, None] - between
     start = clearance[0]

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,8 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pm01_nav.deploy.messages import Odometry, Scan, odometry_from_ros, scan_from_ros
+from pm01_nav.deploy.messages import (
+    Odometry,
+    Scan,
+    odometry_from_ros,
+    ros_twist,
+    scan_from_ros,
+)
 from pm01_nav.deploy.safety import Command
+from pm01_nav.drives import AxisName
 from pm01_nav.errors import InputError
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
@@ -38,13 +45,13 @@ def _typestore() -> Any:
 class Recorder:
     """Write ``/scan``, ``/odom`` and ``/cmd_vel`` into a new folder."""
 
-    def __init__(self, folder: str | Path) -> None:
-        """Begin to write.
+    def __init__(self, folder: str | Path, axes: Sequence[AxisName] = ("x", "yaw")) -> None:
+        """Begin to write of a robot whose drive has these ``axes``.
 
         Raises:
             InputError: rosbags is missing, or the folder exists.
         """
-        self._store = _typestore()
+        self._store, self._axes = _typestore(), axes
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.rosbag2.errors import WriterError
 
@@ -60,7 +67,7 @@ class Recorder:
         if kind == "scan":
             self.scan(scan_from_ros(message), now)
         elif kind == "odometry":
-            self.odometry(odometry_from_ros(message), now)
+            self.odometry(odometry_from_ros(message, self._axes), now)
 
     def scan(self, scan: Scan, now: float) -> None:
         """Write a scan that arrived at ``now`` [s]."""
@@ -87,7 +94,7 @@ class Recorder:
         place = self._type("geometry_msgs/msg/Point")(x=x, y=y, z=0.0)
         pose = self._type("geometry_msgs/msg/Pose")(position=place, orientation=turn)
         unknown = np.zeros(36)
-        twist = self._twist((float(odometry.twist[0]), float(odometry.twist[1])))
+        twist = self._twist(ros_twist(odometry.twist))
         message = self._type(ODOMETRY)(
             header=self._header(odometry.stamp, "odom"),
             child_frame_id="base_link",
@@ -115,9 +122,8 @@ class Recorder:
         return self._type("std_msgs/msg/Header")(stamp=time, frame_id=frame)
 
     def _twist(self, command: Command) -> Any:
-        vector = self._type("geometry_msgs/msg/Vector3")
-        linear = vector(x=float(command[0]), y=0.0, z=0.0)
-        return self._type(TWIST)(linear, vector(x=0.0, y=0.0, z=float(command[1])))
+        vector, (x, y, yaw) = self._type("geometry_msgs/msg/Vector3"), ros_twist(command)
+        return self._type(TWIST)(vector(x=x, y=y, z=0.0), vector(x=0.0, y=0.0, z=yaw))
 
     def _write(self, topic: str, kind: str, message: Any, now: float) -> None:
         connection = self._connections.get(topic)

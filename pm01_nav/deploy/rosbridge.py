@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 from uuid import uuid4
 
 from pm01_nav.deploy.link import Inbox, Topics
-from pm01_nav.deploy.messages import from_json
+from pm01_nav.deploy.messages import from_json, ros_twist
 from pm01_nav.deploy.safety import Command
 from pm01_nav.errors import InputError
 
@@ -99,9 +99,10 @@ class RosbridgeLink:
         """Send a command, unless there is no connection: kept ones would come much too late."""
         if self._ros is None or not self._ros.is_connected:
             return
+        x, y, yaw = ros_twist(command)
         twist = {
-            "linear": {"x": command[0], "y": 0.0, "z": 0.0},
-            "angular": {"x": 0.0, "y": 0.0, "z": command[1]},
+            "linear": {"x": x, "y": y, "z": 0.0},
+            "angular": {"x": 0.0, "y": 0.0, "z": yaw},
         }
         if self.topics.stamped:
             header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "base_link"}

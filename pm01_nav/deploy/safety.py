@@ -31,9 +31,11 @@ from pm01_nav.geometry import to_frame, to_world, wrap_angle
 if TYPE_CHECKING:
     from pm01_nav.robot import RobotSpec
 
-Command = tuple[float, float]
-"""v and w [m/s, rad/s]."""
+FloatArray = NDArray[np.float64]
+Command = tuple[float, ...]
+"""A number for each axis of a drive, such as v and w [m/s, rad/s]."""
 STOP: Command = (0.0, 0.0)
+"""For links, whatever the drive; a supervisor's ``stop`` has a number for each axis."""
 LINK_TIMEOUT_S = 0.4
 """What has come back from the robot was sent no longer ago: a control step, there and back [s]."""
 LEAST_SHARE = 0.05
@@ -41,7 +43,7 @@ LEAST_SHARE = 0.05
 ODOMETRY_SLACK = np.array([0.3, 0.5])
 """Odometry may move by so much more than the robot can without having jumped [m, rad]."""
 MOVING = np.array([0.02, 0.05])
-"""A robot that is slower than this by odometry may as well stand [m/s, rad/s]."""
+"""A robot that travels and turns slower than this may as well stand [m/s, rad/s]."""
 MIXED_S = 1.0
 """After a scan of another frame the robot stands for so long [s]: two lidars take turns."""
 IMPLAUSIBLE = 3.0
@@ -111,16 +113,15 @@ class SafetySupervisor:
             )
         self.config = config
         self.control_dt = control_dt
-        self._limits = robot.limits
-        self._fastest = np.array(
-            [max(robot.limits.linear_max, -robot.limits.linear_min), robot.limits.angular_max]
-        )
+        self.drive = drive = robot.base
+        self.stop: Command = (0.0,) * drive.size
         self._outline = Outline(robot.footprint)
         self._reaction = config.reaction_s + control_dt + robot.actuator.lag_s
         self._clock = RobotClock(same_clock=same_clock)
         self._scans = Stream(self._clock, jump_s=config.clock_jump_s)
         self._odometries = Stream(self._clock, jump_s=config.clock_jump_s)
-        self._scan = ScanCheck(robot.lidar, config.valid_share_min, config.frozen_scan_s)
+        valid, frozen_s = config.valid_share_min, config.frozen_scan_s
+        self._scan = ScanCheck(robot.lidar, valid, frozen_s, drive.courses)
         self._scan_frame = ""
         self._mixed_at = -math.inf
         """When a scan came that is of another frame than the one before it."""
@@ -133,7 +134,7 @@ class SafetySupervisor:
         self._jumped: Reason | None = None
         self._now = -math.inf
         self._commanded_at = -math.inf
-        self._command = STOP
+        self._command = self.stop
         self._reasons: set[Reason] = set()
         """Of the last verdict."""
 
@@ -168,7 +169,7 @@ class SafetySupervisor:
         since, newest = stamp - self._scan.stamp, self._track.newest
         if newest is None or not since > 0.0:
             return False
-        if (np.abs(newest.twist) > MOVING).any():
+        if (self.drive.pace(newest.twist) > MOVING).any():
             return True
         now, before = self._track.pose_at(stamp), self._track.pose_at(self._scan.stamp)
         return bool((_way(before, now) > MOVING * since).any())
@@ -257,38 +258,33 @@ class SafetySupervisor:
         transform_age: float = 0.0,
         link_age: float = 0.0,
     ) -> Verdict:
-        """Return what the robot is told at ``now`` [s] instead of ``proposed`` v and w.
+        """Return what the robot is told at ``now`` [s] instead of what is ``proposed``.
 
-        None, or what is no pair of finite numbers, counts as a failure of the policy. The rest is
-        as for ``faults``. A jump is over once the robot was told to stop for it.
+        None, or what is not a finite number for each axis of the drive, counts as a failure of the
+        policy. The rest is as for ``faults``. A jump is over once the robot was told to stop for
+        it.
         """
         faults = self.faults(now, goal=goal, transform_age=transform_age, link_age=link_age)
-        command = _as_command(proposed)
+        command = _as_command(proposed, self.drive.size)
         elapsed = max(0.0, now - self._commanded_at)
         self._commanded_at = now
         if faults or command is None:
             self._jumped = None
-            verdict = Verdict(STOP, faults or (Reason.POLICY_FAILED,), math.nan)
+            verdict = Verdict(self.stop, faults or (Reason.POLICY_FAILED,), math.nan)
         else:
             verdict = self._check_way(self._limited(command, elapsed), now)
         self._command, self._reasons = verdict.command, set(verdict.reasons)
         return verdict
 
-    def _limited(self, command: Command, elapsed: float) -> Command:
+    def _limited(self, command: FloatArray, elapsed: float) -> FloatArray:
         """Keep a command within the limits of speed, and within reach of the last one."""
-        limits, step = self._limits, min(elapsed, self.control_dt)
         if elapsed > COMMAND_HELD_S:
-            self._command = STOP
-        v = min(max(command[0], limits.linear_min), limits.linear_max)
-        w = min(max(command[1], -limits.angular_max), limits.angular_max)
-        dv, dw = limits.linear_acceleration * step, limits.angular_acceleration * step
-        last_v, last_w = self._command
-        return (
-            min(max(v, last_v - dv), last_v + dv),
-            min(max(w, last_w - dw), last_w + dw),
-        )
+            self._command = self.stop
+        before, step = np.array(self._command), min(elapsed, self.control_dt)
+        # On the way from one command to another a base may not be as fast slantwise.
+        return self.drive.clip(self.drive.reachable(command, before, step))
 
-    def _check_way(self, command: Command, now: float) -> Verdict:
+    def _check_way(self, command: FloatArray, now: float) -> Verdict:
         """Slow a command down until the robot can stop before it touches anything."""
         pose, newest = self.pose(now), self._track.newest
         assert pose is not None
@@ -297,38 +293,36 @@ class SafetySupervisor:
         # Returns stay where they are in the odometry frame while the robot moves on.
         points = to_world(self._scan.returns, self._track.pose_at(self._scan.stamp))
         points = to_frame(points, pose)
-        v, w = command
+        twist, drive = command, self.drive
         # What the robot does now it goes on doing until it has taken the command up.
-        moving = (float(newest.twist[0]), float(newest.twist[1]))
+        moving = newest.twist
         # A command is taken to need as much longer as odometry needed to come.
         reaction = self._reaction + max(0.0, self._odometries.age(now))
         share, _ = self._share(points, moving, reaction, slow_down=False)
         if share < 1.0:
-            v, w = _not_faster(v, share * moving[0]), _not_faster(w, share * moving[1])
-        share, contact = self._share(points, (v, w), reaction)
-        unseen = v != 0.0 and not self._scan.sees(behind=v < 0.0)
+            twist = _not_faster(twist, share * moving)
+        share, contact = self._share(points, twist, reaction)
+        course = drive.course(twist)
+        unseen = course is not None and not self._scan.sees(course)
         if share >= LEAST_SHARE and not unseen:
-            slowed = share < 1.0 or (v, w) != command
-            return Verdict((share * v, share * w), (Reason.SLOWED,) if slowed else (), contact)
-        # No way ahead on this arc: it may still turn away on the spot.
-        share, _ = self._share(points, (0.0, w), reaction)
-        turn = share * w if share >= LEAST_SHARE else 0.0
-        reason = Reason.UNSEEN if unseen else Reason.OBSTACLE
-        return Verdict((0.0, turn), (reason,), contact)
+            slowed = share < 1.0 or (twist != command).any()
+            return Verdict(_told(share * twist), (Reason.SLOWED,) if slowed else (), contact)
+        # No way on this arc: it may still turn away on the spot.
+        turn = drive.turning(twist[-1])
+        share, _ = self._share(points, turn, reaction)
+        told = _told(share * turn) if share >= LEAST_SHARE else self.stop
+        return Verdict(told, (Reason.UNSEEN if unseen else Reason.OBSTACLE,), contact)
 
     def _share(
         self,
-        points: NDArray[np.float64],
-        twist: Command,
+        points: FloatArray,
+        twist: FloatArray,
         reaction: float,
         *,
         slow_down: bool = True,
     ) -> tuple[float, float]:
         """Return how much of a twist is safe, 0 to 1, and when all of it meets a point [s]."""
-        config, limits = self.config, self._limits
-        braking = max(
-            abs(twist[0]) / limits.linear_acceleration, abs(twist[1]) / limits.angular_acceleration
-        )
+        config, braking = self.config, self.drive.braking_time(twist)
         least = config.time_to_collision_s if slow_down else 1e-9
         horizon = max(least, reaction + 0.5 * braking)
         contact = time_to_contact(
@@ -338,14 +332,15 @@ class SafetySupervisor:
 
     def _is_plausible(self, odometry: Odometry) -> bool:
         numbers = np.concatenate([odometry.pose, odometry.twist])
-        if numbers.shape != (5,) or not np.isfinite(numbers).all():
+        if numbers.shape != (3 + self.drive.size,) or not np.isfinite(numbers).all():
             return False
-        fastest = IMPLAUSIBLE * self._fastest
+        fastest = IMPLAUSIBLE * self.drive.fastest
         return bool((np.abs(odometry.twist) <= fastest).all())
 
     def _moved_too_far(self, before: Odometry, after: Odometry) -> bool:
         """Tell whether odometry jumped: at once, back and forth (two sources), or to a frame."""
-        possible = 2.0 * self._fastest * (after.stamp - before.stamp)
+        fastest = np.array([self.drive.top_speed, self.drive.angular_max])
+        possible = 2.0 * fastest * (after.stamp - before.stamp)
         moved = _way(before.pose, after.pose)
         self._excess = np.maximum(self._excess + moved - possible, 0.0)
         other_frame = before.frame_id and after.frame_id and before.frame_id != after.frame_id
@@ -377,17 +372,22 @@ def _way(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.
     return np.abs([np.hypot(change[0], change[1]), wrap_angle(change[2])])
 
 
-def _not_faster(speed: float, limit: float) -> float:
-    """Return ``speed``, kept within ``limit`` if it has the same direction."""
-    return math.copysign(min(abs(speed), abs(limit)), speed) if speed * limit >= 0.0 else speed
+def _not_faster(twist: FloatArray, limit: FloatArray) -> FloatArray:
+    """Return ``twist``, each speed kept within that of ``limit`` if it has the same direction."""
+    kept = np.copysign(np.minimum(np.abs(twist), np.abs(limit)), twist)
+    return np.where(twist * limit >= 0.0, kept, twist)
 
 
-def _as_command(proposed: Sequence[float] | NDArray[np.floating] | None) -> Command | None:
-    """Return a pair of finite numbers, or None for anything else."""
+def _told(twist: FloatArray) -> Command:
+    return tuple(twist.tolist())
+
+
+def _as_command(
+    proposed: Sequence[float] | NDArray[np.floating] | None, size: int
+) -> FloatArray | None:
+    """Return so many finite numbers, or None for anything else."""
     try:
         values = np.asarray(proposed, dtype=np.float64)
     except (TypeError, ValueError):
         return None
-    if values.shape != (2,) or not np.isfinite(values).all():
-        return None
-    return float(values[0]), float(values[1])
+    return values if values.shape == (size,) and np.isfinite(values).all() else None

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -11,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.deploy.messages import Scan
-from pm01_nav.deploy.motion_check import returns_as_points, seen_share
+from pm01_nav.deploy.motion_check import AHEAD_AND_BEHIND, CONE, returns_as_points, seen_share
 from pm01_nav.readings import ZeroMeans, is_valid, read_zeros
 
 if TYPE_CHECKING:
     from pm01_nav.robot import Lidar
 
-NOTHING_SEEN = (0.0, 0.0)
 LONGEST_GAP_S = 0.5
 """Scans further apart than this do not count as a lidar that repeats itself [s]."""
 
@@ -37,11 +37,19 @@ def by_rep_117(scan: Scan, zero_means: ZeroMeans) -> Scan:
 class ScanCheck:
     """The newest scan of a robot's lidar."""
 
-    def __init__(self, lidar: Lidar, valid_share_min: float, frozen_s: float) -> None:
+    def __init__(
+        self,
+        lidar: Lidar,
+        valid_share_min: float,
+        frozen_s: float,
+        courses: Sequence[float] = AHEAD_AND_BEHIND,
+    ) -> None:
         """Ask for ``valid_share_min`` of a scan's beams, and of those that look one way.
 
         A lidar that repeats one scan while the robot moves, for ``frozen_s`` [s] in all, is frozen.
+        ``courses`` [rad] are where the robot goes most, for the advice to a person.
         """
+        self._courses = tuple(courses)
         self._mount = np.array([lidar.x, lidar.y, lidar.yaw])
         self._zero_means: ZeroMeans = lidar.zero_means
         self._valid_share_min = valid_share_min
@@ -58,46 +66,58 @@ class ScanCheck:
         """Where the newest scan met something, in base_link, (n, 2) [m]; None if it is unusable."""
         self.advice: str | None = None
         """What a person can do about a scan that tells too little; None if it tells enough."""
-        self._seen = NOTHING_SEEN
+        self._clean: Scan | None = None
+        """The newest scan by REP-117; None if it is unusable."""
 
     @property
     def frozen(self) -> bool:
         """Whether the lidar repeats one scan, as none does that moves and sees something."""
         return self._repeated_s > self._frozen_s - 1e-6
 
-    def sees(self, *, behind: bool) -> bool:
-        """Tell whether the newest scan tells enough of what lies ahead, or behind."""
-        ahead, back = self._seen
-        return (back if behind else ahead) >= self._valid_share_min
+    def sees(self, course: float) -> bool:
+        """Tell whether the newest scan tells enough of what lies on a course [rad].
+
+        Ahead and behind it is up to who mounts a lidar. The edge of what it sees may lie anywhere
+        beside a slanting course, so there it must see both sides, too.
+        """
+        straight = course in AHEAD_AND_BEHIND
+        courses = (course,) if straight else (course - CONE / 2, course, course + CONE / 2)
+        return min(self._seen(courses)) >= self._valid_share_min
+
+    def _seen(self, courses: Sequence[float]) -> tuple[float, ...]:
+        """Return how much the newest scan tells of what lies on each course."""
+        if self._clean is None:
+            return (0.0,) * len(courses)
+        return seen_share(self._clean, float(self._mount[2]), courses)
 
     def see(self, scan: Scan, *, moves: bool) -> bool:
         """Take in a scan, and whether the robot moved before it; tell whether it is usable."""
         self.stamp = scan.stamp
-        self.returns, self._seen, self.advice = None, NOTHING_SEEN, None
+        self.returns = self._clean = self.advice = None
         if not _is_well_formed(scan):
             return False
         clean = by_rep_117(scan, self._zero_means)
         valid = 1.0 - float(np.isnan(clean.ranges).mean())
         if valid > 0.0 and valid >= self._valid_share_min:
             self.returns = returns_as_points(clean, self._mount)
-            self._seen = seen_share(clean, float(self._mount[2]))
+            self._clean = clean
             self._note_repetition(scan, clean, moves)
         if not self._tells_enough(clean):
             self.advice = _advice(scan, clean)
         return self.returns is not None
 
     def _tells_enough(self, scan: Scan) -> bool:
-        """Tell whether the way ahead and the way back are seen, as far as the lidar looks there."""
-        least = self._valid_share_min
-        if min(self._seen) >= least:
+        """Tell whether the ways that the robot goes are seen, as far as the lidar looks there."""
+        least, seen = self._valid_share_min, self._seen(self._courses)
+        if min(seen) >= least:
             return True
         whole = replace(scan, ranges=np.full_like(scan.ranges, np.inf))
-        possible = seen_share(whole, float(self._mount[2]))
-        return all(s >= least or p < least for s, p in zip(self._seen, possible, strict=True))
+        possible = seen_share(whole, float(self._mount[2]), self._courses)
+        return all(s >= least or p < least for s, p in zip(seen, possible, strict=True))
 
     def forget(self) -> None:
         """Drop what was seen."""
-        self.returns, self._seen, self.advice = None, NOTHING_SEEN, None
+        self.returns = self._clean = self.advice = None
         self.stamp, self._bits, self._repeated_s = math.nan, b"", 0.0
 
     def _note_repetition(self, scan: Scan, clean: Scan, moves: bool) -> None:

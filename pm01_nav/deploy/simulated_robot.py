@@ -58,6 +58,7 @@ class SimulatedRobot:
         planar ``backend`` has that.
         """
         self.robot = robot
+        self.drive = robot.base
         self.dt = dt
         self._steps_per_scan = max(1, round(scan_period / dt))
         self._command_timeout = command_timeout
@@ -71,7 +72,7 @@ class SimulatedRobot:
         self.collisions = 0
         """How often it drove into something; it then stands where it was before."""
         self._steps = 0
-        self._command = np.zeros((1, 2))
+        self._command = np.zeros((1, self.drive.size))
         self._commanded_at = -math.inf
         self.reset()
 
@@ -82,10 +83,12 @@ class SimulatedRobot:
         self._command[:] = 0.0
         self._commanded_at = -math.inf
 
-    def command(self, linear: float, angular: float) -> None:
-        """Tell the motors v and w [m/s, rad/s]; what is not finite is taken for a stop."""
-        command = (linear, angular) if math.isfinite(linear + angular) else (0.0, 0.0)
-        self._command[0] = command
+    def command(self, *command: float) -> None:
+        """Tell the motors a number for each axis of the drive, such as v and w [m/s, rad/s].
+
+        What is not finite is taken for a stop.
+        """
+        self._command[0] = command if math.isfinite(sum(command)) else 0.0
         self._commanded_at = self.time
 
     def step(self) -> bool:

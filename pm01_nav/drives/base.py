@@ -41,6 +41,8 @@ class Drive(ABC):
     """What the numbers of a command stand for, in order."""
     has_wheels: ClassVar[bool]
     """Whether a description must say where its driven wheels are."""
+    identified_by: ClassVar[str | None] = None
+    """The model that is fitted to what such a base did (``deploy.base_fit``); None if none is."""
 
     linear_min: float
     linear_max: float
@@ -144,6 +146,24 @@ class Drive(ABC):
     def braking_time(self, twist: ArrayLike) -> float:
         """Return how long the base needs to stop from a twist (size,) [s]."""
         return float((np.abs(twist) / np.asarray(self.acceleration)).max())
+
+    def pace(self, twist: ArrayLike) -> FloatArray:
+        """Return how fast twists (..., size) travel and turn, whichever way, shape (..., 2)."""
+        twist = np.asarray(twist)
+        travel = np.linalg.norm(twist[..., :-1], axis=-1)
+        return np.stack([travel, np.abs(twist[..., -1])], axis=-1)
+
+    @property
+    def courses(self) -> tuple[float, ...]:
+        """Where a motion along each axis leads, in base_link [rad]."""
+        aside = (0.5 * math.pi, -0.5 * math.pi) if "y" in self.axes else ()
+        return (0.0, math.pi, *aside)
+
+    def course(self, twist: ArrayLike) -> float | None:
+        """Return where a twist (size,) leads, in base_link [rad]; None if it does not travel."""
+        x, y, _ = map(float, self.planar(twist))
+        # Without the sign of a zero, straight back is one direction.
+        return math.atan2(y + 0.0, x) if x or y else None
 
     def planar(self, command: ArrayLike) -> FloatArray:
         """Return commands or twists (..., size) with all three axes, x, y and yaw."""

@@ -16,3 +16,4 @@ class DifferentialDrive(Drive):
     name = "differential"
     axes = ("x", "yaw")
     has_wheels = True
+    identified_by = "wheel pair"

@@ -268,7 +268,7 @@ def _draw_robot(brush: _Brush, robot: RobotSpec, scene: Scene) -> None:
     """Draw the outline, the wheels and where it heads, on a halo by which it is found."""
     color = {"collision": COLLISION, "timeout": TIMEOUT}.get(scene.outcome or "", ROBOT)
     dark = tuple(round(0.72 * c) for c in color)
-    footprint, wheels, pose = robot.footprint, robot.driven_wheels, scene.pose
+    footprint, wheels, pose = robot.footprint, robot.wheels, scene.pose
     reach = footprint.circumscribed_radius * brush.view.scale
     brush.disc(scene.pose[:2], reach + 4 * brush.unit, (*color, 50))
     if footprint.shape == "circle":
@@ -276,9 +276,10 @@ def _draw_robot(brush: _Brush, robot: RobotSpec, scene: Scene) -> None:
     else:
         corners = brush.pixels(to_world(np.array(footprint.vertices), pose))
         brush.draw.polygon(corners, color, dark, brush.width(1.5))
-    for side in (-0.5, 0.5):
-        wheel = rectangle(0.0, side * wheels.separation, 2 * wheels.radius, 0.4 * wheels.radius)
-        brush.draw.polygon(brush.pixels(to_world(wheel, pose)), INK)
+    if wheels is not None:
+        for y in (-0.5 * wheels.separation, 0.5 * wheels.separation):
+            wheel = rectangle(0.0, y, 2 * wheels.radius, 0.4 * wheels.radius)
+            brush.draw.polygon(brush.pixels(to_world(wheel, pose)), INK)
     arrow = footprint.inscribed_radius * ARROW
     brush.draw.polygon(brush.pixels(to_world(arrow, pose)), WHITE)
 

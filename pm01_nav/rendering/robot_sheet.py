@@ -60,8 +60,8 @@ def draw_robot(robot: RobotSpec) -> Image.Image:
 
 def _reach(robot: RobotSpec) -> float:
     """Return how far the robot's parts reach from its origin [m]."""
-    lidar, wheels = robot.lidar, robot.driven_wheels
-    wheel = float(np.hypot(0.5 * wheels.separation, wheels.radius))
+    lidar, wheels = robot.lidar, robot.wheels
+    wheel = float(np.hypot(0.5 * wheels.separation, wheels.radius)) if wheels else 0.0
     return max(robot.footprint.circumscribed_radius, wheel, float(np.hypot(lidar.x, lidar.y)))
 
 
@@ -89,7 +89,7 @@ def _draw_beams(draw: ImageDraw.ImageDraw, view: View, robot: RobotSpec, far: fl
 
 def _draw_body(draw: ImageDraw.ImageDraw, view: View, robot: RobotSpec) -> None:
     line = 2 * SUPERSAMPLING
-    footprint, wheels = robot.footprint, robot.driven_wheels
+    footprint, wheels = robot.footprint, robot.wheels
     if footprint.shape == "circle":
         x, y = view.origin
         reach = footprint.radius * view.scale
@@ -97,6 +97,8 @@ def _draw_body(draw: ImageDraw.ImageDraw, view: View, robot: RobotSpec) -> None:
     else:
         corners = view.pixels(footprint.vertices).ravel().tolist()
         draw.polygon(corners, BODY, EDGE, line)
+    if wheels is None:
+        return
     axle = [[0.0, -0.5 * wheels.separation], [0.0, 0.5 * wheels.separation]]
     draw.line(view.pixels(axle).ravel().tolist(), MUTED, SUPERSAMPLING)
     for side in (-0.5, 0.5):

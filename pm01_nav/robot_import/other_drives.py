@@ -12,6 +12,7 @@ from pm01_nav.robot_import.urdf import Joint, Urdf
 CASTER_WORDS = ("caster", "castor", "swivel")
 ROLLER_WORDS = ("mecanum", "omni_wheel", "omniwheel", "omni-wheel", "swedish")
 HOW = "only differential and skid steering can be imported; --wheels LEFT RIGHT takes it for one"
+BY_HAND = f"{HOW}, or write its YAML by hand, with drive: omnidirectional"
 
 
 def refuse_other_drives(urdf: Urdf, drive: Drive, wheels: Sequence[Joint]) -> None:
@@ -21,7 +22,8 @@ def refuse_other_drives(urdf: Urdf, drive: Drive, wheels: Sequence[Joint]) -> No
         InputError: it is such a robot; it says by what one sees that.
     """
     if drive.kind == "holonomic":
-        raise InputError(f"{drive.where}: an omnidirectional robot (mecanum or omni wheels): {HOW}")
+        what = "an omnidirectional robot (mecanum or omni wheels)"
+        raise InputError(f"{drive.where}: {what}: {BY_HAND}")
     if drive.kind == "steered":
         raise InputError(f"{drive.where}: a car-like robot (Ackermann steering): {HOW}")
     # A plugin of a differential drive knows better than a shape.
@@ -32,7 +34,7 @@ def refuse_other_drives(urdf: Urdf, drive: Drive, wheels: Sequence[Joint]) -> No
         if word:
             raise InputError(
                 f"{urdf.path}: joint {joint.name[:60]!r}: an omnidirectional robot ({word} "
-                f"wheels): {HOW}"
+                f"wheels): {BY_HAND}"
             )
     steering = [joint for joint in urdf.joints.values() if _steers(urdf, joint)]
     if len(steering) > 1:

@@ -33,18 +33,22 @@ def main() -> None:
     commands = DataReader(participant, Topic(participant, "rt/cmd_vel", types.Twist))
     sys.stdout.write("ready\n")
     sys.stdout.flush()
-    x = y = yaw = v = w = 0.0
+    x = y = yaw = v = u = w = 0.0
     for step in range(60 * RATE_HZ):
         for twist in commands.take(10):
-            v, w = twist.linear.x, twist.angular.z
-        x, y, yaw = x + v * np.cos(yaw) / RATE_HZ, y + v * np.sin(yaw) / RATE_HZ, yaw + w / RATE_HZ
+            if hasattr(twist, "linear"):  # A writer that leaves sends a sample without data.
+                v, u, w = twist.linear.x, twist.linear.y, twist.angular.z
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        x += (v * cos - u * sin) / RATE_HZ
+        y += (v * sin + u * cos) / RATE_HZ
+        yaw += w / RATE_HZ
         message = types.Odometry()
         message.header.stamp = stamp(time.time())
         message.pose.pose.position = types.Point(float(x), float(y), 0.0)
         message.pose.pose.orientation = types.Quaternion(
             0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2))
         )
-        message.twist.twist = types.Twist(types.Vector3(x=v), types.Vector3(z=w))
+        message.twist.twist = types.Twist(types.Vector3(x=v, y=u), types.Vector3(z=w))
         odometry.write(message)
         if step % 5 == 0:
             scan = types.LaserScan(

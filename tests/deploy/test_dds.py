@@ -12,6 +12,7 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pm01_nav.deploy.controller import Controller, Goal
@@ -20,6 +21,7 @@ from pm01_nav.deploy.link import Inbox, Topics
 from pm01_nav.deploy.safety import Reason, SafetyConfig
 from pm01_nav.errors import InputError
 from pm01_nav.planners import make_planner
+from pm01_nav.robot import load_robot
 from pm01_nav.task.scans import scan_geometry
 
 pytest.importorskip("cyclonedds")
@@ -46,6 +48,19 @@ def robot_process(domain):
     process.wait()
 
 
+class Sideways:
+    """A policy that goes straight to the goal without a turn."""
+
+    def reset(self):
+        """Forget nothing."""
+
+    def keep(self, robots):
+        """Drive one robot only."""
+
+    def act(self, scan, goal, velocity):
+        return np.array([*(0.4 * goal / np.hypot(*goal)), 0.0])
+
+
 @pytest.fixture
 def driver(robot, domain):
     controller = Controller(
@@ -64,6 +79,38 @@ def test_drives_a_robot_in_another_process_to_a_goal(robot_process, driver):
     threading.Timer(60.0, driver.end).start()
     driver.run(iter([Goal(1.0, 0.3)]), lambda status: arrived.append(status.arrived))
     assert arrived[-1]
+
+
+def test_a_robot_that_goes_sideways_is_told_so_and_tells_it(robot_process, domain):
+    omni = load_robot("omni_disc")
+    twists, arrived = [], []
+
+    def listen(status):
+        arrived.append(status.arrived)
+        if controller.supervisor.odometry is not None:
+            twists.append(controller.supervisor.odometry.twist)
+
+    # On a busy machine messages may come so late that the goal is given up.
+    for _ in range(5):
+        controller = Controller(
+            Sideways(),
+            omni,
+            scan_geometry(omni.lidar),
+            control_dt=0.1,
+            goal_radius=0.1,
+            safety=SafetyConfig(),
+        )
+        driver = Driver(controller, DdsLink(Topics(), domain=domain))
+        threading.Timer(60.0, driver.end).start()
+        driver.run(iter([Goal(0.0, -0.8)]), listen)
+        if arrived[-1]:
+            break
+    assert arrived[-1]
+    fastest = np.abs(twists).max(axis=0)
+    # It went at 0.4 m/s to the right, and did not turn.
+    assert min(twist[1] for twist in twists) == pytest.approx(-0.4, abs=0.01)
+    assert fastest[0] < 0.05
+    assert fastest[2] == 0.0
 
 
 def test_a_robot_that_is_killed_is_told_to_stop_and_found_again(robot_process, driver, domain):

@@ -12,7 +12,8 @@ from geometry_msgs.msg import Quaternion, TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from sensor_msgs.msg import LaserScan
 
-from pm01_nav.deploy.messages import Odometry, Scan
+from pm01_nav.deploy.messages import Odometry, Scan, ros_twist
+from pm01_nav.deploy.safety import Command
 
 
 def time_message(seconds: float) -> Time:
@@ -29,17 +30,17 @@ def quaternion(yaw: float, *, upside_down: bool = False) -> Quaternion:
     return Quaternion(x=0.0, y=0.0, z=sine, w=cosine)
 
 
-def twist_message(command: tuple[float, float]) -> Twist:
-    """Return v and w [m/s, rad/s]."""
+def twist_message(command: Command | np.ndarray) -> Twist:
+    """Return a command or a twist of any drive [m/s, rad/s]."""
     twist = Twist()
-    twist.linear.x, twist.angular.z = command
+    twist.linear.x, twist.linear.y, twist.angular.z = ros_twist(command)
     return twist
 
 
 def command_message(
-    kind: type[Twist] | type[TwistStamped], command: tuple[float, float], stamp: Time, frame: str
+    kind: type[Twist] | type[TwistStamped], command: Command, stamp: Time, frame: str
 ) -> Twist | TwistStamped:
-    """Return v and w [m/s, rad/s]; a ``TwistStamped`` with the time and the frame they are for."""
+    """Return a command [m/s, rad/s]; a ``TwistStamped`` with the time and the frame it is for."""
     if kind is Twist:
         return twist_message(command)
     message = TwistStamped(twist=twist_message(command))
@@ -70,7 +71,7 @@ def odometry_message(odometry: Odometry, frame: str, base_frame: str) -> Odometr
     pose = message.pose.pose
     pose.position.x, pose.position.y = float(odometry.pose[0]), float(odometry.pose[1])
     pose.orientation = quaternion(float(odometry.pose[2]))
-    message.twist.twist = twist_message((float(odometry.twist[0]), float(odometry.twist[1])))
+    message.twist.twist = twist_message(odometry.twist)
     return message
 
 

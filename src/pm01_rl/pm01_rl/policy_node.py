@@ -221,7 +221,7 @@ class PolicyNode(LifecycleNode):
 
     def _on_odometry(self, message: OdometryMessage) -> None:
         self._frames = self._frames._replace(odometry=message.header.frame_id)
-        self.controller.see_odometry(odometry_from_ros(message), self._now())
+        self.controller.see_odometry(odometry_from_ros(message, self.controller.axes), self._now())
 
     def _on_goal_pose(self, pose: PoseStamped) -> None:
         if not is_place(pose):

@@ -100,7 +100,8 @@ class SimNode(Node):
 
     def _on_command(self, message: Twist | TwistStamped) -> None:
         twist = message.twist if isinstance(message, TwistStamped) else message
-        self.robot.command(twist.linear.x, twist.angular.z)
+        planar = (twist.linear.x, twist.linear.y, twist.angular.z)
+        self.robot.command(*self.robot.drive.from_planar(planar))
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.robot.reset()
