@@ -11,30 +11,27 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from pm01_nav.task.config import TaskConfig
 from pm01_nav.task.navigation import NavigationBatch
 from pm01_nav.task.randomization import default_randomization
 from pm01_nav.task.tasks import task_config
 from pm01_nav.task.worlds import world_pool
 
-VARIANTS = [(name, errors) for name in ("static", "mixed") for errors in (True, False)]
 
+def compile_for(errors: bool) -> None:
+    """Step robots with errors or without, in worlds that stand and that move, many and one.
 
-def few_worlds(name: str, *, errors: bool) -> TaskConfig:
-    """Return a task of four worlds, whose robots have errors or not."""
-    changes = {"num_worlds": 4, "randomization": default_randomization() if errors else None}
-    return task_config(name).model_copy(update=changes)
-
-
-def compile_for(num_envs: int) -> None:
-    """Step so many robots of each variant; one alone has kernels without threads."""
-    for name, errors in VARIANTS:
-        config = few_worlds(name, errors=errors)
-        batch = NavigationBatch(config, world_pool(config, "train", 4), num_envs)
-        batch.reset(np.arange(num_envs))
-        batch.step(np.zeros((num_envs, batch.layout.drive.size)))
+    One alone has kernels without threads.
+    """
+    for name in ("static", "mixed"):
+        changes = {"num_worlds": 4, "randomization": default_randomization() if errors else None}
+        config = task_config(name).model_copy(update=changes)
+        pool = world_pool(config, "train", 4)
+        for num_envs in (2, 1):
+            batch = NavigationBatch(config, pool, num_envs)
+            batch.reset(np.arange(num_envs))
+            batch.step(np.zeros((num_envs, batch.layout.drive.size)))
 
 
 if __name__ == "__main__":
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
-        list(processes.map(compile_for, (1, 2)))
+        list(processes.map(compile_for, (True, False)))
