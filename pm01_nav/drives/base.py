@@ -126,8 +126,9 @@ class Drive(ABC):
     def to_action(self, command: Any) -> Any:
         """Return the actions (..., size) that stand for commands within the limits."""
         xp = array_namespace(command)
-        columns = [command[..., k] / half for k, half in enumerate(self._halves)]
-        columns[0] = (command[..., 0] - self.linear_min) / self._halves[0] - 1.0
+        ahead, *others = self._halves
+        columns = [(command[..., 0] - self.linear_min) / ahead - 1.0]
+        columns += [command[..., k] / half for k, half in enumerate(others, start=1)]
         return xp.clip(xp.stack(columns, axis=-1), -1.0, 1.0)
 
     def clip(self, command: FloatArray) -> FloatArray:
