@@ -21,7 +21,7 @@ FEW_WORLDS = 32
 """Worlds of one environment of a task by name: they are made at once, hundreds take a while."""
 
 
-class NavEnv(gym.Env[NDArray[Any], NDArray[Any]]):
+class NavEnv(gym.Env[Any, NDArray[Any]]):
     r"""Drive a wheeled robot with a 2D lidar to a goal among obstacles it has never seen.
 
     ## Action space
@@ -50,6 +50,8 @@ degrees, the first one behind | -1 | 1 | 1 |
     | 39 | linear velocity | -0.2 | 0.5 | m/s |
     | 40 | angular velocity | -1.5 | 1.5 | rad/s |
     | 41-42 | the last action | -1 | 1 | 1 |
+
+    With ``observation={"space": "dict"}`` it is a ``Dict`` instead, a ``Box`` for each part.
 
     ## Rewards
     A table of named, weighted terms (``TaskConfig.rewards``): +100 at the goal, -50 for a
@@ -107,7 +109,7 @@ degrees, the first one behind | -1 | 1 | 1 |
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Start a new episode; with a seed, begin its sequence of episodes anew."""
         super().reset(seed=seed)
         if seed is None and not self._begun:
@@ -116,11 +118,9 @@ degrees, the first one behind | -1 | 1 | 1 |
         observation = self.batch.reset(None if seed is None else stream_numbers([seed]))
         if self._renderer:
             self._renderer.update(begin=True)
-        return observation[0], {}
+        return self.batch.layout.as_space(observation[0]), {}
 
-    def step(
-        self, action: ArrayLike
-    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Apply one action (2,) in [-1, 1].
 
         Raises:
@@ -141,7 +141,7 @@ degrees, the first one behind | -1 | 1 | 1 |
             "is_collision": bool(episodes and episodes.collision[0]),
         }
         return (
-            result.observation[0],
+            self.batch.layout.as_space(result.observation[0]),
             float(result.reward[0]),
             bool(result.terminated[0]),
             bool(result.truncated[0]),

@@ -61,13 +61,13 @@ class NavVecEnv(VecEnv):
         self._next_seeds = [seed + i for i in range(self.batch.num_envs)]
         return list(self._next_seeds)
 
-    def reset(self) -> NDArray[np.float32]:
-        """Start new episodes everywhere; return observations (num_envs, size)."""
+    def reset(self) -> Any:
+        """Start new episodes everywhere; return observations (num_envs, size), or a dict."""
         seeds, self._next_seeds = self._next_seeds, None
         observation = self.batch.reset(None if seeds is None else stream_numbers(seeds))
         for renderer in self._renderers:
             renderer.update(begin=True)
-        return observation
+        return self.batch.layout.as_space(observation)
 
     def step_async(self, actions: ArrayLike) -> None:
         """Take the actions (num_envs, 2) for the next ``step_wait``.
@@ -88,7 +88,7 @@ class NavVecEnv(VecEnv):
         dones = result.terminated | result.truncated
         for done, renderer in zip(dones, self._renderers, strict=False):
             renderer.update(begin=bool(done))
-        return result.observation, rewards, dones, infos
+        return self.batch.layout.as_space(result.observation), rewards, dones, infos
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Return a picture (height, width, 3) of each robot; None without a ``render_mode``."""
@@ -97,8 +97,9 @@ class NavVecEnv(VecEnv):
     def _describe(
         self, episodes: Episodes, truncated: NDArray[np.bool_], infos: list[dict[str, Any]]
     ) -> None:
+        as_space = self.batch.layout.as_space
         for k, i in enumerate(episodes.indices):
-            infos[i]["terminal_observation"] = episodes.final_observation[k]
+            infos[i]["terminal_observation"] = as_space(episodes.final_observation[k])
             infos[i]["TimeLimit.truncated"] = bool(truncated[i])
             infos[i]["is_success"] = bool(episodes.success[k])
             infos[i]["episode"] = {

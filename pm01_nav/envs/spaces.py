@@ -16,16 +16,23 @@ from pm01_nav.task.privileged import Privileged
 from pm01_nav.task.tasks import task_config
 
 
-def observation_space(layout: ObservationLayout) -> spaces.Box:
-    """Return the box of observations, shape (layout.size,), float32."""
-    low, high = layout.bounds
-    return spaces.Box(np.array(low, dtype=np.float32), np.array(high, dtype=np.float32))
+def observation_space(layout: ObservationLayout) -> spaces.Space[Any]:
+    """Return the box of observations, shape (layout.size,), float32, or one for each part."""
+    low, high = (np.array(bound, dtype=np.float32) for bound in layout.bounds)
+    if layout.space == "flat":
+        return spaces.Box(low, high)
+    lows, highs = layout.split(low), layout.split(high)
+    boxes: list[tuple[str, spaces.Space[Any]]] = [
+        (name, spaces.Box(lows[name], highs[name])) for name in lows
+    ]
+    return spaces.Dict(boxes, sort_keys=False)
 
 
-def widened(space: spaces.Box, privileged: Privileged | None) -> spaces.Box:
+def widened(space: spaces.Space[Any], privileged: Privileged | None) -> spaces.Space[Any]:
     """Return the box of observations that privileged numbers follow; those have no bounds."""
     if privileged is None:
         return space
+    assert isinstance(space, spaces.Box)
     bound = np.full(privileged.size, np.inf, dtype=np.float32)
     return spaces.Box(np.concatenate([space.low, -bound]), np.concatenate([space.high, bound]))
 

@@ -31,7 +31,7 @@ from pm01_nav.task.worlds import world_pool
 BatchInfo = dict[str, Any]
 
 
-class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
+class NavVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
     """Many robots stepped together; see ``NavEnv`` for the task.
 
     Environment i does exactly what one environment does that is reset with its seed. Gymnasium's
@@ -118,7 +118,7 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         for i, renderer in enumerate(self._renderers):
             if mask[i]:
                 renderer.update(begin=True)
-        return self.batch.observe(), {}
+        return self.batch.layout.as_space(self.batch.observe()), {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, BatchInfo]:
         """Apply actions (num_envs, 2) in [-1, 1].
@@ -136,16 +136,15 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         facts, begun, self._ended = self._facts(result), begins, ended
         if result.episodes is not None and self._mode is AutoresetMode.SAME_STEP:
             done = result.episodes.indices
-            final = self.batch.arrays.xp.zeros_like(observation)
-            final[done] = observation[done]
             infos = self._told({"final_info": facts}, ended)
-            infos |= {"final_obs": final, "_final_obs": ended}
+            infos |= {"final_obs": self._final(observation, done), "_final_obs": ended}
             observation[done] = self.batch.begin(done)
             begun, self._ended = ended, self._none()
         for i, renderer in enumerate(self._renderers):
             renderer.update(begin=begun is not None and bool(begun[i]))
         if begun is None or not begun.all():
             infos |= self._told(facts, ~(self._none() if begun is None else begun))
+        observation = self.batch.layout.as_space(observation)
         return observation, result.reward, result.terminated, result.truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
@@ -164,6 +163,19 @@ class NavVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         """Close the window."""
         for renderer in self._renderers:
             renderer.close()
+
+    def _final(self, observation: Any, done: Any) -> Any:
+        """Return last observations, zero where an episode goes on; as dicts, None there."""
+        layout = self.batch.layout
+        if layout.space == "flat":
+            final = self.batch.arrays.xp.zeros_like(observation)
+            final[done] = observation[done]
+            return final
+        # Gymnasium's own vector environments have an array of objects here, too.
+        final = np.full(self.num_envs, None, dtype=object)
+        for i, row in zip(self.batch.arrays.to_numpy(done), observation[done], strict=True):
+            final[i] = layout.split(row)
+        return final
 
     def _none(self) -> Any:
         """Return a mask of no environment."""

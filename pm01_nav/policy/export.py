@@ -57,7 +57,7 @@ class DeployedPolicy(torch.nn.Module):
     ) -> None:
         """Wrap the greedy part of ``policy``, and what its observations were normalized by."""
         super().__init__()
-        self.actor = actor_of(policy)
+        self.actor, self._layout = actor_of(policy), layout
         self.memory_size = self.actor.memory_size
         divisors = layout.scale if layout.normalize else [1.0] * layout.size
         low, high = torch.tensor([layout.drive.low.tolist(), layout.drive.high.tolist()])
@@ -80,9 +80,10 @@ class DeployedPolicy(torch.nn.Module):
         values = observation / self.scale
         if self.clip is not None:
             values = torch.clamp((values - self.mean) / self.deviation, -self.clip, self.clip)
+        given = self._layout.as_space(values)
         if not self.memory_size:
-            return self._command(self.actor(values))
-        action, after = self.actor(values, memory)
+            return self._command(self.actor(given))
+        action, after = self.actor(given, memory)
         return self._command(action), after
 
     def _command(self, action: torch.Tensor) -> torch.Tensor:

@@ -14,7 +14,7 @@ from pm01_nav.config import FrozenModel
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, changed_robot, load_robot
 from pm01_nav.sim.settings import SWITCHES, PedestrianModel
 from pm01_nav.task.frames import FramesLayout
-from pm01_nav.task.observation import GoalKind, ObservationLayout, UsualParts
+from pm01_nav.task.observation import GoalKind, ObservationLayout, SpaceKind, UsualParts
 from pm01_nav.task.parts import make_part
 from pm01_nav.task.parts.base import check_part
 from pm01_nav.task.randomization import CONTROL_DT, RandomizationConfig, in_seconds
@@ -40,6 +40,8 @@ class ObservationConfig(FrozenModel):
     parts: dict[str, dict[str, Any]] = Field(default_factory=dict)
     """Further parts by name, with their parameters; they follow the others."""
     normalize: bool = True
+    space: SpaceKind = "flat"
+    """What environments give: one ``Box``, or a ``Dict`` with one for each part."""
 
 
 class RewardTerm(FrozenModel):
@@ -171,4 +173,5 @@ def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayou
         frames=seen.frames,
     )
     more = [make_part(name, given, geometry, drive) for name, given in seen.parts.items()]
-    return ObservationLayout(geometry, drive, (*usual.made(geometry, drive), *more), seen.normalize)
+    parts = (*usual.made(geometry, drive), *more)
+    return ObservationLayout(geometry, drive, parts, seen.normalize, seen.space)

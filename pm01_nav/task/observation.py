@@ -30,6 +30,7 @@ from pm01_nav.task.parts.trail import Visited
 from pm01_nav.task.scans import ScanGeometry
 
 GoalKind = Literal["polar", "polar_sin_cos"]
+SpaceKind = Literal["flat", "dict"]
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class ObservationLayout:
     parts: tuple[ObservationPart, ...]
     normalize: bool = True
     """Whether environments divide each part by its scale; exported policies do so themselves."""
+    space: SpaceKind = "flat"
+    """Whether environments give one array, or each part by its name; files always take one."""
 
     def __post_init__(self) -> None:
         """Refuse a part that is there twice.
@@ -81,6 +84,18 @@ class ObservationLayout:
         """Where each part lies in an observation, by its name."""
         ends = list(accumulate(part.size for part in self.parts))
         return {p.name: slice(end - p.size, end) for p, end in zip(self.parts, ends, strict=True)}
+
+    def split(self, observation: Any) -> dict[str, Any]:
+        """Return the parts of observations (..., size) by their names, each (..., *shape)."""
+        rows = tuple(observation.shape[:-1])
+        return {
+            part.name: observation[..., self.places[part.name]].reshape(rows + part.shape)
+            for part in self.parts
+        }
+
+    def as_space(self, observation: Any) -> Any:
+        """Return observations (..., size) as environments give them; see ``space``."""
+        return observation if self.space == "flat" else self.split(observation)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for an exported policy's metadata."""

@@ -57,13 +57,13 @@ class Algorithm(Protocol):
 
 
 class ConvolutionConfig(FrozenModel):
-    """Two convolutions over the sectors of the scans, which close to a circle."""
+    """Two convolutions: over the sectors of the scans, which close to a circle, or over images."""
 
     channels: tuple[Count, Count] = (8, 16)
     kernel_size: Annotated[int, Field(ge=3, le=15)] = 5
-    """Sectors that an output sees; odd."""
+    """Sectors, or rows and columns, that an output sees; odd."""
     stride: Annotated[int, Field(ge=1, le=8)] = 2
-    """Sectors between two outputs."""
+    """How many of them lie between two outputs."""
 
     @model_validator(mode="after")
     def _is_centred(self) -> ConvolutionConfig:
@@ -94,7 +94,7 @@ class AlgorithmConfig(FrozenModel):
     features_extractor: Literal["flat", "circular_conv"] = "flat"
     """What comes before the hidden layers: nothing, or convolutions over the scans' sectors."""
     conv: ConvolutionConfig = ConvolutionConfig()
-    """For ``features_extractor: circular_conv``."""
+    """For ``features_extractor: circular_conv``, and for images in a ``Dict``."""
     asymmetric_critic: bool = False
     """Whether the critic also sees what only a simulator knows (``task.privileged``)."""
     norm_obs: bool = False

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import random
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +35,8 @@ def save_checkpoint(
         | {
             "learner": algorithm.state(model),
             "n_updates": model._n_updates,
-            "last_obs": torch.from_numpy(np.array(model._last_obs)),
-            "last_original_obs": None if original is None else torch.from_numpy(original.copy()),
+            "last_obs": _of_parts(_to_tensor, model._last_obs),
+            "last_original_obs": _of_parts(_to_tensor, original),
             "batch": {name: _to_tensor(array) for name, array in batch.state_dict().items()},
             "random": _random_state(),
             "extra": extra,
@@ -99,9 +100,9 @@ def restore(
         raise InputError(f"{path}: does not belong to this task and network: {reason}") from error
     model.num_timesteps = data["num_timesteps"]
     model._n_updates = data["n_updates"]
-    model._last_obs = data["last_obs"].numpy()
+    model._last_obs = _of_parts(_to_array, data["last_obs"])
     if data["last_original_obs"] is not None:
-        model._last_original_obs = data["last_original_obs"].numpy()
+        model._last_original_obs = _of_parts(_to_array, data["last_original_obs"])
     _restore_random(data["random"])
 
 
@@ -126,6 +127,13 @@ def _restore_random(state: dict[str, Any]) -> None:
 
 def _signed(keys: np.ndarray) -> torch.Tensor:
     return torch.from_numpy(np.array(keys).view(np.int32))
+
+
+def _of_parts(convert: Callable[[Any], Any], observation: Any) -> Any:
+    """Convert an observation, or each part of one; None stays None."""
+    if isinstance(observation, dict):
+        return {name: convert(part) for name, part in observation.items()}
+    return None if observation is None else convert(observation)
 
 
 def _to_tensor(array: np.ndarray) -> torch.Tensor:

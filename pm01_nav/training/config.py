@@ -185,6 +185,25 @@ class RunConfig(FrozenModel):
     task: TaskConfig
     train: TrainConfig
 
+    @model_validator(mode="after")
+    def _knows_dicts(self) -> RunConfig:
+        if self.task.observation.space == "flat":
+            return self
+        train, chosen = self.train, self.train.hyperparameters
+        unable = {
+            f"algo = {train.algo}": chosen.off_policy,
+            "learner = rsl_rl": train.learner == "rsl_rl",
+            "workers": train.workers is not None,
+            "icm": train.icm is not None,
+            "rnd": train.rnd is not None,
+            f"{train.algo}.norm_obs": chosen.norm_obs,
+            f"{train.algo}.asymmetric_critic": chosen.asymmetric_critic,
+        }
+        for name, given in unable.items():
+            if given:
+                raise ValueError(f"train.{name}: needs task.observation.space = flat")
+        return self
+
 
 def with_flags(
     settings: Mapping[str, Any], n_envs: int | None, flags: Mapping[str, Any]

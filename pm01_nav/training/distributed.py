@@ -11,6 +11,7 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import flatdim
 from stable_baselines3 import PPO
 
 from pm01_nav.envs.spaces import action_space
@@ -48,7 +49,7 @@ class DistributedPPO(PPO):
         self.n_envs = batch.num_envs
         self._setup_model()
         self._config, self._batch, self._host = config, batch, host
-        self._last_obs = np.zeros((self.n_envs, self.observation_space.shape[0]), np.float32)
+        self._last_obs = np.zeros((self.n_envs, flatdim(self.observation_space)), np.float32)
         self._last_episode_starts = np.ones(self.n_envs, dtype=np.bool_)
 
     def learn(self, total_timesteps: int, callback: Supervision, **_: Any) -> DistributedPPO:  # type: ignore[override]

@@ -56,6 +56,12 @@ def everything() -> TaskConfig:
     return resolve_task("mixed", FEW | {"randomization": default_randomization().model_dump()})
 
 
+def as_dict() -> TaskConfig:
+    """Return a task whose observations come by parts, one of them of two dimensions."""
+    observation = {"space": "dict", "frames": {"count": 1}}
+    return resolve_task("static", FEW | {"observation": observation})
+
+
 def pair(mode: AutoresetMode, task: str | TaskConfig = "static") -> tuple[VectorEnv, VectorEnv]:
     """Return our batch and Gymnasium's batch of single environments."""
     ours = NavVectorEnv(NUM_ENVS, task, autoreset_mode=mode, **FEW)
@@ -71,7 +77,10 @@ def assert_same(ours: Any, theirs: Any, where: str = "") -> None:
             assert_same(ours[key], theirs[key], f"{where}/{key}")
     elif theirs.dtype == object:
         for i, row in enumerate(theirs):
-            assert row is None or np.array_equal(ours[i], row), where
+            if isinstance(row, dict):
+                assert_same(ours[i], row, where)
+            else:
+                assert row is None or np.array_equal(ours[i], row), where
     else:
         assert ours.dtype == theirs.dtype, where
         assert np.array_equal(ours, theirs, equal_nan=True), where
@@ -96,9 +105,10 @@ def drive(ours: VectorEnv, theirs: VectorEnv, seed: Any) -> NDArray[np.int64]:
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("task", ["static", "everything"])
+@pytest.mark.parametrize("task", ["static", "everything", "dict"])
 def test_modes_equal_gymnasiums_batch_of_single_ones(mode: AutoresetMode, task: str) -> None:
-    ours, theirs = pair(mode, everything() if task == "everything" else task)
+    others = {"everything": everything, "dict": as_dict}
+    ours, theirs = pair(mode, others[task]() if task in others else task)
     assert ours.metadata["autoreset_mode"] is mode
     assert (drive(ours, theirs, [11, 5, 300]) >= 2).all()
     # Again, from where all of them are: without a seed, and with one for some.

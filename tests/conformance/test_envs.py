@@ -34,6 +34,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     **{name: (name, {}) for name in TASKS if name not in FROM_FILES},
     "mixed with errors": ("mixed", {"randomization": default_randomization()}),
     "static for omni_disc": ("static", {"robot": "omni_disc"}),
+    "static as dict": ("static", {"observation": {"space": "dict"}}),
     "crowd with errors for omni_disc": (
         "crowd",
         {"robot": "omni_disc", "randomization": default_randomization()},
@@ -57,6 +58,23 @@ def random_actions(
     rng, low = np.random.default_rng(seed), np.full(axes, -1.0)
     low[0] = -0.4
     return rng.uniform(low, 1.0, (num_steps, num_envs, axes)).astype(np.float32)
+
+
+def flat(space: gym.Space[Any], observation: Any) -> NDArray[np.float32]:
+    """Return one observation, or a batch of them, as one array, whatever the space is."""
+    if not isinstance(space, gym.spaces.Dict):
+        return observation
+    parts = []
+    for name, box in space.items():
+        part = observation[name]
+        parts.append(part.reshape(*part.shape[: part.ndim - len(box.shape)], -1))
+    return np.concatenate(parts, axis=-1)
+
+
+def share_memory(one: Any, two: Any) -> bool:
+    if isinstance(one, dict):
+        return any(share_memory(one[name], two[name]) for name in one)
+    return np.shares_memory(one, two)
 
 
 def make_sb3(config: TaskConfig, num_envs: int, **arguments: Any) -> NavVecEnv:
@@ -134,23 +152,29 @@ def test_vector_environment_equals_single_ones(case: str) -> None:
     config, num_envs, seed = short(case), 3, 123
     many = NavVectorEnv(num_envs, config)
     singles = [NavEnv(config) for _ in range(num_envs)]
-    observations, _ = many.reset(seed=seed)
+    space = many.single_observation_space
+    observations = flat(space, many.reset(seed=seed)[0])
     for i, single in enumerate(singles):
-        assert (single.reset(seed=seed + i)[0] == observations[i]).all()
+        assert single.observation_space == space
+        assert (flat(space, single.reset(seed=seed + i)[0]) == observations[i]).all()
     ended = np.zeros(num_envs, dtype=int)
     for actions in random_actions(STEPS, num_envs, many.single_action_space.shape[0]):
-        observations, rewards, terminated, truncated, infos = many.step(actions)
+        batch, rewards, terminated, truncated, infos = many.step(actions)
+        assert many.observation_space.contains(batch)
+        observations = flat(space, batch)
         for i, single in enumerate(singles):
             observation, reward, over, late, info = single.step(actions[i])
             assert (reward, over, late) == (rewards[i], terminated[i], truncated[i])
             if over or late:
                 ended[i] += 1
                 assert infos["_final_obs"][i]
-                assert (infos["final_obs"][i] == observation).all()
+                last = infos["final_obs"][i]
+                assert space.contains(last)
+                assert (flat(space, last) == flat(space, observation)).all()
                 assert infos["final_info"]["is_success"][i] == info["is_success"]
                 assert infos["final_info"]["is_collision"][i] == info["is_collision"]
                 observation, _ = single.reset()
-            assert (observation == observations[i]).all()
+            assert (flat(space, observation) == observations[i]).all()
     assert (ended >= 3).all()
 
 
@@ -158,19 +182,22 @@ def test_vector_environment_equals_single_ones(case: str) -> None:
 def test_observations_are_alive_and_in_the_space(case: str) -> None:
     env = NavVectorEnv(8, short(case))
     space = env.single_observation_space
-    seen = [env.reset(seed=0)[0]]
+    before = env.reset(seed=0)[0]
+    seen = [flat(space, before)]
     ends = 0
     for actions in random_actions(STEPS, 8, env.single_action_space.shape[0]):
         observation, _, terminated, truncated, _ = env.step(actions)
         assert not (terminated & truncated).any()
-        assert not np.shares_memory(observation, seen[-1])
+        assert not share_memory(observation, before)
         ends += int((terminated | truncated).sum())
-        seen.append(observation)
+        before = observation
+        seen.append(flat(space, observation))
     assert ends >= 16
     everything = np.array(seen)
     assert everything.dtype == np.float32
     assert np.isfinite(everything).all()
-    assert ((everything >= space.low) & (everything <= space.high)).all()
+    one_box = gym.spaces.flatten_space(space)
+    assert ((everything >= one_box.low) & (everything <= one_box.high)).all()
     rows = everything.reshape(-1, everything.shape[-1])
     alive = rows.max(axis=0) > rows.min(axis=0)
     places = env.batch.layout.places
@@ -202,12 +229,13 @@ def trail_is_alive(case: str) -> NDArray[np.bool_]:
 def test_single_observations_share_no_memory(case: str) -> None:
     env = NavEnv(short(case))
     before, _ = env.reset(seed=0)
-    copy = before.copy()
+    space = env.observation_space
+    copy = flat(space, before).copy()
     for action in random_actions(3, 1, env.action_space.shape[0])[:, 0]:
         after, *_ = env.step(action)
-        assert not np.shares_memory(before, after)
-    assert (before == copy).all()
-    assert not np.shares_memory(before, env.reset()[0])
+        assert not share_memory(before, after)
+    assert (flat(space, before) == copy).all()
+    assert not share_memory(before, env.reset()[0])
 
 
 @pytest.mark.parametrize("task", ["static", "empty", "article"])
@@ -233,7 +261,8 @@ def test_actions_beyond_the_space_count_as_its_ends(case: str) -> None:
     for _ in range(3):
         utmost = np.resize([1.0, -1.0], one.action_space.shape)
         first, second = one.step(9.0 * utmost), two.step(utmost)
-        assert (first[0] == second[0]).all()
+        space = one.observation_space
+        assert (flat(space, first[0]) == flat(space, second[0])).all()
         assert first[1] == second[1]
 
 
@@ -241,15 +270,17 @@ def test_actions_beyond_the_space_count_as_its_ends(case: str) -> None:
 def test_terminal_observation_is_that_before_the_reset(case: str) -> None:
     config, n = short(case), 4
     env = make_sb3(config, n, seed=7)
+    space = env.observation_space
     # A twin that is never reset shows each first episode's end as it was.
     pool = world_pool(config, "train", config.num_worlds)
     twin = NavigationBatch(config, pool, n, autoreset=False)
-    assert (env.reset() == twin.reset(7 + np.arange(n))).all()
+    assert (flat(space, env.reset()) == twin.reset(7 + np.arange(n))).all()
     running = np.ones(n, dtype=bool)
     returns = np.zeros(n)
     steps = random_actions(41, n, env.action_space.shape[0])
     for count, actions in enumerate(steps, start=1):
         observation, rewards, dones, infos = env.step(actions)
+        observation = flat(space, observation)
         expected = twin.step(actions.astype(np.float64))
         returns += expected.reward
         for i in np.flatnonzero(running):
@@ -260,7 +291,9 @@ def test_terminal_observation_is_that_before_the_reset(case: str) -> None:
                 assert (observation[i] == expected.observation[i]).all()
                 continue
             running[i] = False
-            assert (infos[i]["terminal_observation"] == expected.observation[i]).all()
+            last = infos[i]["terminal_observation"]
+            assert space.contains(last)
+            assert (flat(space, last) == expected.observation[i]).all()
             assert (observation[i] != expected.observation[i]).any()
             assert infos[i]["TimeLimit.truncated"] is bool(expected.truncated[i])
             assert infos[i]["episode"]["l"] == count

@@ -103,7 +103,7 @@ class ObservationPart:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of one robot's numbers; one number by default. Two or more dimensions are an image."""
+        """Of one robot's numbers; one number by default. Three are channels, height and width."""
         return (1,)
 
     @property
@@ -125,7 +125,10 @@ class ObservationPart:
         return self.memory(simulator.num_envs, simulator.control_dt, arrays)
 
     def show(self, seen: Seen, memory: Any) -> tuple[Any, ...]:
-        """Return columns (n,) or blocks (n, k) that together are the part, in physical units."""
+        """Return columns (n,) or blocks (n, ...) that together are the part, in physical units.
+
+        Blocks are flattened in row-major order; one of the part's own shape is the whole of it.
+        """
         raise NotImplementedError
 
     @cached_property

@@ -24,7 +24,7 @@ from pm01_nav.task.parts.base import (
 @observation_part
 @dataclass(frozen=True)
 class Scan(ObservationPart):
-    """The scan, after it the earlier ones, newest first; shape (scans, sectors or beams)."""
+    """The scan, after it the earlier ones, newest first; shape (sectors,) or (scans, sectors)."""
 
     name = "scan"
 
@@ -56,8 +56,9 @@ class Scan(ObservationPart):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Scans and sectors."""
-        return 1 + (self.frames.count if self.frames else 0), self.sectors or self.lidar.num_beams
+        """Sectors; before them scans, if there are earlier ones."""
+        sectors = self.sectors or self.lidar.num_beams
+        return (1 + self.frames.count, sectors) if self.frames else (sectors,)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -108,7 +109,7 @@ class ScanMemory(Memory):
         """Make room for ``count`` robots."""
         self._part = part
         self.period = frames.length
-        self.stack = FrameStack(frames, count, part.shape[1], arrays)
+        self.stack = FrameStack(frames, count, part.shape[-1], arrays)
 
     def begin(self, seen: Seen) -> None:
         """Let robots have seen nothing but this."""
