@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 import yaml
 
+from pm01_nav.arrays import NUMPY
 from pm01_nav.benchmark.policies import trained_task
 from pm01_nav.benchmark.suite import read_suite
 from pm01_nav.cli.options import task_from_options
@@ -13,8 +14,12 @@ from pm01_nav.config import to_yaml
 from pm01_nav.durations import whole_steps
 from pm01_nav.envs.spaces import resolve_task
 from pm01_nav.errors import InputError
-from pm01_nav.task.config import TaskConfig
+from pm01_nav.policy import OnnxPolicy
+from pm01_nav.task.config import TaskConfig, observation_layout
+from pm01_nav.task.frames import FramesLayout
+from pm01_nav.task.navigation import features
 from pm01_nav.task.tasks import navigation, task_config
+from pm01_nav.task.trail import TrailLayout
 
 
 @pytest.mark.parametrize(
@@ -76,12 +81,36 @@ def test_settings_of_another_task_than_the_one_named_are_left_out(tmp_path) -> N
     assert (given.goal_radius, given.time_limit_s, given.margin) == (0.3, 50.0, 0.2)
 
 
+def test_memories_keep_their_times() -> None:
+    told = {"trail": {"interval_steps": 20}, "frames": {"count": 1, "interval_steps": 4}}
+    task = chosen("task.control_dt=0.05", f"task.observation={told}")
+    # 20 and 4 steps of 0.05 s.
+    assert task.observation.trail == TrailLayout(interval_s=1.0)
+    assert task.observation.frames == FramesLayout(1, 0.2)
+    for control_dt, noted, period in ((0.05, 20, 5), (0.1, 10, 3), (0.02, 50, 11)):
+        task = resolve_task(task, {"control_dt": control_dt})
+        layout = observation_layout(task, task.robot_spec())
+        assert features(task, layout).trail.interval_steps == noted
+        # The present scan and one of 0.2 s ago, and those in between.
+        assert layout.part("scan").memory(1, control_dt, NUMPY).period == period
+    parts = {"parts": {"trail": {"layout": {"interval_steps": 20}}}}
+    listed = resolve_task("static", {"observation": parts}).observation.parts["trail"]
+    assert listed == {"layout": {"interval_s": 2.0}}
+    told = {"trail": {"interval_steps": 1, "interval_s": 0.1}}
+    with pytest.raises(InputError, match=r"observation\.trail\.interval_steps: stands beside int"):
+        resolve_task("static", {"observation": told})
+
+
 def test_policies_of_the_zoo_know_their_times() -> None:
     # Their files count 500 and 2500 steps of 0.1 s.
     for name, seconds in {"zoo:pm01-static": 50.0, "zoo:turtlebot3-mixed": 250.0}.items():
         task = trained_task(name)
         assert task is not None
         assert task.time_limit_s == seconds
+    # 10 and 3 steps of 0.1 s.
+    policy = OnnxPolicy("zoo:pm01-mixed")
+    assert policy.layout.part("trail").layout.interval_s == 1.0
+    assert policy.layout.part("scan").frames.interval_s == 0.3
 
 
 def test_recorded_results_still_belong() -> None:

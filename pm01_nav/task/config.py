@@ -15,7 +15,12 @@ from pm01_nav.durations import CONTROL_DT, in_seconds, whole_steps
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, changed_robot, load_robot
 from pm01_nav.sim.settings import SWITCHES, PedestrianModel
 from pm01_nav.task.frames import FramesLayout
-from pm01_nav.task.observation import GoalKind, ObservationLayout, UsualParts
+from pm01_nav.task.observation import (
+    GoalKind,
+    ObservationLayout,
+    UsualParts,
+    memories_in_seconds,
+)
 from pm01_nav.task.parts import make_part
 from pm01_nav.task.parts.base import check_part
 from pm01_nav.task.randomization import RandomizationConfig, delays_in_seconds
@@ -174,6 +179,9 @@ def task_in_seconds(given: Mapping[str, Any], control_dt: float, source: str) ->
     if isinstance(task.get("randomization"), Mapping):
         ranges = delays_in_seconds(task["randomization"], control_dt, f"{source}randomization")
         task["randomization"] = ranges
+    if isinstance(task.get("observation"), Mapping):
+        seen = memories_in_seconds(task["observation"], control_dt, f"{source}observation.")
+        task["observation"] = seen
     return task
 
 
