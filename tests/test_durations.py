@@ -7,14 +7,19 @@ import pytest
 import yaml
 
 from pm01_nav.arrays import NUMPY
+from pm01_nav.benchmark.entry import planner_entry
 from pm01_nav.benchmark.policies import trained_task
 from pm01_nav.benchmark.suite import read_suite
 from pm01_nav.cli.options import task_from_options
-from pm01_nav.config import to_yaml
+from pm01_nav.config import to_yaml, validate
 from pm01_nav.durations import whole_steps
 from pm01_nav.envs.spaces import resolve_task
 from pm01_nav.errors import InputError
+from pm01_nav.planners import planner_params
+from pm01_nav.planners.guided import GuideParams
+from pm01_nav.planners.mppi import MPPI, MPPIParams
 from pm01_nav.policy import OnnxPolicy
+from pm01_nav.robot import load_robot
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.frames import FramesLayout
 from pm01_nav.task.navigation import features
@@ -118,3 +123,29 @@ def test_recorded_results_still_belong() -> None:
     suite = read_suite("static", seed=1)
     assert suite.hash == "32545f82669c1f577b364ec0b4ba5f407321f8f631655bb2febdeb10d2ecad13"
     assert suite.describe()["time_limit_s"] == 50.0
+
+
+def test_planners_think_in_seconds() -> None:
+    early = {"guide": {"replan_steps": 20, "patience_steps": 2}, "steps": 25}
+    base = planner_params("mppi").model_dump()
+    del base["horizon_s"], base["guide"]
+    params = validate(MPPIParams, base | early, "mppi.yaml")
+    # Early parameters were for steps of 0.1 s.
+    assert (params.guide, params.horizon_s) == (GuideParams(replan_s=2.0, patience_s=0.2), 2.5)
+    for control_dt, counts in ((0.1, (20, 2, 25)), (0.05, (40, 4, 50)), (1.0, (2, 1, 2))):
+        mppi = MPPI(load_robot("pm01"), control_dt, params)
+        assert (mppi._replan_after, mppi._patience, mppi._steps) == counts
+    early["guide"]["patience_s"] = 0.2
+    match = "^mppi.yaml: guide: patience_steps: stands beside patience_s; give patience_s alone$"
+    with pytest.raises(InputError, match=match):
+        validate(MPPIParams, base | early, "mppi.yaml")
+
+
+def test_recorded_planners_are_still_the_same_entries() -> None:
+    # As revision 907d0b7 hashed them, with `replan_steps: 10`, `patience_steps: 3`, `steps: 30`.
+    recorded = {
+        "mppi": "c0dde91a6663e2dacd466bc7105febab93b1d8f4f541f58bb2a5f84b35f0ca74",
+        "dwa": "2395085c1a4b277bc279f92a90da0a16eb63801d8518545e69b6a1e379012c5e",
+        "goal_seeking": "2a38da4459b52831fa08616485a303869d06306f250e240941af891e63d1e0d1",
+    }
+    assert {name: planner_entry(name).fingerprint for name in recorded} == recorded
