@@ -31,6 +31,7 @@ imports: $(VENV)/.dev  ## who may import whom
 	$(BIN)/lint-imports
 
 unit: $(VENV)/.dev  ## tests, without the slow ones
+	$(BIN)/python tests/compile_kernels.py
 	$(BIN)/pytest -m "not slow" -n auto --dist loadfile
 
 test-slow: $(VENV)/.dev  ## the slow tests

@@ -17,6 +17,7 @@ from reference_robot import Base, outside
 
 from pm01_nav.deploy.messages import Odometry, Scan
 from pm01_nav.deploy.safety import SafetyConfig
+from pm01_nav.drives.limits import OmnidirectionalLimits
 from pm01_nav.robot import RobotSpec
 
 CONTROL_DT = 0.1
@@ -131,7 +132,7 @@ class Judge:
                 and _reachable(before[-1], w, limits.angular_acceleration * CONTROL_DT)
             ),
         }
-        if side:
+        if isinstance(limits, OmnidirectionalLimits):
             # A robot of the same speed in every direction.
             checks["beyond the limits"] |= math.hypot(v, u) > limits.lateral_max + 1e-9
             change = limits.lateral_acceleration * CONTROL_DT

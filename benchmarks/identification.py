@@ -94,8 +94,9 @@ class FaultyRobot(SimulatedRobot):
         pool = world_pool(task_config("static"), "held_out", 8, 1)
         super().__init__(true, pool, seed=seed, dt=DT, backend="mujoco")
 
-    def command(self, linear: float, angular: float) -> None:
+    def command(self, *command: float) -> None:
         """Take a command that reaches the wheels later, through the nominal wheels."""
+        linear, angular = command
         f, across = self._faults, 0.5 * self._separation * angular
         left = f["wheel_left_factor"] * (linear - across)
         right = f["wheel_right_factor"] * (linear + across)

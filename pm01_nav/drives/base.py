@@ -109,10 +109,6 @@ class Drive(ABC):
         """How fast the base can travel in any direction [m/s]."""
         return float(np.linalg.norm(self.fastest[:-1]))
 
-    def place(self, axis: AxisName) -> int | None:
-        """Return where the number of an axis stands in a command; None if the base has it not."""
-        return self.axes.index(axis) if axis in self.axes else None
-
     @cached_property
     def _halves(self) -> list[float]:
         """Half of each axis' range of speeds."""

@@ -25,7 +25,7 @@ class GoalSeeking:
 
     def __init__(self, robot: RobotSpec, control_dt: float, params: GoalSeekingParams) -> None:
         """Drive within the robot's limits; ``control_dt`` [s] does not matter."""
-        self._limits, self._gain = robot.limits, params.turn_gain
+        self._drive, self._gain = robot.base, params.turn_gain
 
     def reset(self) -> None:
         """Do nothing: there is no memory."""
@@ -34,10 +34,10 @@ class GoalSeeking:
         """Do nothing: there is no memory."""
 
     def act(self, scan: ArrayLike, goal: ArrayLike, velocity: ArrayLike) -> NDArray[np.float64]:
-        """Return (v, w) [m/s, rad/s]; see ``Policy.act``."""
+        """Return commands [m/s, rad/s]; see ``Policy.act``. They do not go sideways."""
         goal = np.asarray(goal, dtype=np.float64)
         bearing = np.arctan2(goal[..., 1], goal[..., 0])
-        limits = self._limits
-        linear = limits.linear_max * np.maximum(np.cos(bearing), 0.0)
-        angular = np.clip(self._gain * bearing, -limits.angular_max, limits.angular_max)
-        return np.stack([linear, angular], axis=-1)
+        drive = self._drive
+        linear = drive.linear_max * np.maximum(np.cos(bearing), 0.0)
+        angular = np.clip(self._gain * bearing, -drive.angular_max, drive.angular_max)
+        return drive.from_unicycle(np.stack([linear, angular], axis=-1))

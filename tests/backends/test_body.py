@@ -9,6 +9,8 @@ import pytest
 from pm01_nav.backends.body import MASS_PER_AREA, body_model
 from pm01_nav.robot import Body, Footprint, load_robot, robot_names
 
+ON_WHEELS = [name for name in robot_names() if load_robot(name).wheels]
+
 PM01 = load_robot("pm01")
 
 
@@ -61,7 +63,7 @@ def test_mass_by_area_where_none_is_given() -> None:
     assert body.mass == pytest.approx(MASS_PER_AREA * np.pi * 0.17**2)
 
 
-@pytest.mark.parametrize("name", robot_names())
+@pytest.mark.parametrize("name", ON_WHEELS)
 def test_every_robot_has_a_possible_body(name: str) -> None:
     body = body_model(load_robot(name))
     assert body.bottom < 0 < body.top

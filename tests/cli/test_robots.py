@@ -39,7 +39,7 @@ def test_show_prints_and_draws(tmp_path: Path, name: str) -> None:
     for figure in (
         f"{robot.limits.linear_max:g} m/s",
         f"{robot.limits.angular_max:g} rad/s",
-        f"{robot.wheels.separation:g} m",
+        *([f"{robot.wheels.separation:g} m"] if robot.wheels else []),
         f"{robot.lidar.range_max:g} m",
         str(robot.lidar.num_beams),
     ):
@@ -116,7 +116,10 @@ def test_import_takes_a_xacro_file_with_its_arguments(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["show", "r2d2"], "robot = 'r2d2': unknown; allowed: jackal, pm01, turtlebot3_burger"),
+        (
+            ["show", "r2d2"],
+            "robot = 'r2d2': unknown; allowed: jackal, omni_disc, pm01, turtlebot3_burger",
+        ),
         (["show", "none.yaml"], "none.yaml: cannot be read"),
         (["show", "bad.yaml"], "bad.yaml: footprint.* with the origin inside"),
         (["show", "pm01", "-o", "robot.gif"], "output = robot.gif: unknown suffix"),

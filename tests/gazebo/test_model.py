@@ -13,6 +13,8 @@ from pm01_nav.backends.gazebo.model import mover_model, obstacles_model, seam_sh
 from pm01_nav.robot import full_circle, load_robot, robot_names
 from pm01_nav.worlds.world import World
 
+ON_WHEELS = [name for name in robot_names() if load_robot(name).wheels]
+
 SEAMS = np.radians([45.0, 135.0, 225.0, 315.0])
 
 
@@ -28,7 +30,7 @@ def number(element: Element, path: str) -> float:
     return float(text)
 
 
-@pytest.mark.parametrize("name", robot_names())
+@pytest.mark.parametrize("name", ON_WHEELS)
 def test_the_robot_weighs_what_it_is_said_to(name: str) -> None:
     robot, model = load_robot(name), world_of(name).find("model[@name='robot']")
     assert model is not None
@@ -42,7 +44,7 @@ def test_the_robot_weighs_what_it_is_said_to(name: str) -> None:
     assert float(left.split()[1]) == pytest.approx(robot.wheels.separation / 2.0)
 
 
-@pytest.mark.parametrize("name", robot_names())
+@pytest.mark.parametrize("name", ON_WHEELS)
 def test_the_drive_keeps_the_robots_limits(name: str) -> None:
     limits, drive = load_robot(name).limits, world_of(name).find("model/plugin")
     assert drive is not None
@@ -53,7 +55,7 @@ def test_the_drive_keeps_the_robots_limits(name: str) -> None:
     assert number(drive, "min_angular_acceleration") == -limits.angular_acceleration
 
 
-@pytest.mark.parametrize("name", robot_names())
+@pytest.mark.parametrize("name", ON_WHEELS)
 def test_beams_point_where_they_should_and_miss_the_seams(name: str) -> None:
     lidar = load_robot(name).lidar
     sensor = world_of(name).find("model/link/sensor[@name='lidar']")

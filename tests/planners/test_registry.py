@@ -11,7 +11,7 @@ from pm01_nav.benchmark.entry import planner_entry
 from pm01_nav.benchmark.policies import load_policy
 from pm01_nav.cli import pm01
 from pm01_nav.config import FrozenModel
-from pm01_nav.planners import PLANNERS, planner
+from pm01_nav.planners import PLANNERS, make_planner, planner
 from pm01_nav.planners.goal_seeking import GoalSeeking
 from pm01_nav.robot import RobotSpec, load_robot
 
@@ -42,3 +42,14 @@ def test_a_registered_planner_can_be_used_everywhere():
     assert planner_entry("creep").kind == "planner"
     done = CliRunner().invoke(pm01, ["evaluate", "creep", "--task", "empty", "--episodes", "2"])
     assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_planners_drive_bases_that_could_go_sideways(name: str) -> None:
+    planner = make_planner(name, load_robot("omni_disc"), 0.1)
+    # Nothing within the 3.5 m of the lidar, and the goal straight ahead.
+    scan, goal = np.full((2, 360), np.inf), np.array([[3.0, 0.0], [3.0, 0.0]])
+    command = planner.act(scan, goal, np.zeros((2, 3)))
+    assert command.shape == (2, 3)
+    assert (command[:, 0] > 0.0).all()
+    assert (command[:, 1] == 0.0).all()

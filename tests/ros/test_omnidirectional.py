@@ -9,7 +9,7 @@ import torch
 from pm01_nav.policy.export import export_policy, policy_metadata
 from pm01_nav.task.config import observation_layout
 from pm01_nav.task.tasks import task_config
-from pm01_nav.training.algorithm_config import PPOConfig
+from pm01_nav.training.algorithms.ppo import PPOConfig
 from pm01_nav.training.ppo import make_policy
 
 
