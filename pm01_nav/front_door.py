@@ -87,14 +87,15 @@ def train(
         InputError: a setting is unknown or not allowed, the folder is taken, or the training
             diverged.
     """
-    from pm01_nav.task.config import TaskConfig
+    from pm01_nav.task.config import EARLY, TaskConfig
     from pm01_nav.training.config import preset_defaults, run_config, with_flags
     from pm01_nav.training.run_folder import RunFolder
     from pm01_nav.training.supervision import NoProgress
     from pm01_nav.training.trainer import train as run
 
     began = time.perf_counter()
-    of_task = {name: settings.pop(name) for name in [*settings] if name in TaskConfig.model_fields}
+    keys = {*TaskConfig.model_fields, *EARLY}
+    of_task = {name: settings.pop(name) for name in [*settings] if name in keys}
     preset = preset_defaults(settings.get("preset") or "default")
     chosen = _chosen(task, None, of_task, preset.get("task"))
     config = run_config(chosen, with_flags({}, n_envs, settings), "settings")

@@ -11,6 +11,7 @@ from typing import Literal
 
 from pm01_nav.benchmark.policies import load_policy, policy_file
 from pm01_nav.benchmark.suite import Suite
+from pm01_nav.durations import CONTROL_DT
 from pm01_nav.errors import InputError
 from pm01_nav.planners import PLANNERS, planner_params
 from pm01_nav.policy import Policy
@@ -46,6 +47,10 @@ class Entry:
             raise InputError(f"{self.name} on suite {suite.name}: {error}") from None
 
 
+COUNTED = {"replan_s": "replan_steps", "patience_s": "patience_steps", "horizon_s": "steps"}
+"""Planners' parameters that were counted in control steps."""
+
+
 def planner_entry(name: str) -> Entry:
     """Return the entry of a planner.
 
@@ -54,7 +59,13 @@ def planner_entry(name: str) -> Entry:
     """
     if name not in PLANNERS:
         raise InputError(f"planner = {name!r}: unknown; allowed: {', '.join(PLANNERS)}")
-    params = f"{name} {planner_params(name).model_dump_json()}"
+    # With control steps of 0.1 s, as of old: what was recorded is still of the same entry.
+    text = re.sub(
+        rf'"({"|".join(COUNTED)})":([-+.e\d]+)',
+        lambda found: f'"{COUNTED[found[1]]}":{float(found[2]) / CONTROL_DT:.9g}',
+        planner_params(name).model_dump_json(),
+    )
+    params = f"{name} {text}"
     return Entry(name, "planner", name, hashlib.sha256(params.encode()).hexdigest())
 
 

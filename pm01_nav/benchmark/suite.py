@@ -26,7 +26,6 @@ RULES = (
     "suite",
     "suite_params",
     "control_dt",
-    "time_limit_steps",
     "goal_radius",
     "goal_distance",
     "collision",
@@ -63,6 +62,8 @@ class Suite:
         """
         task = self.task.model_dump(mode="json")
         rules = {key: task[key] for key in RULES}
+        # In steps, as of old; limits of as many steps are one.
+        rules["time_limit_steps"] = self.task.time_limit_steps
         rules["randomization"] = _hashed(task["randomization"])
         # How the driver counts its beams, and what it says for none, changes nothing here.
         left_out = {"body": True, "lidar": {"upside_down", "zero_means"}}
@@ -89,7 +90,7 @@ class Suite:
             "seed": self.seed,
             "hash": self.hash,
             "control_dt": self.task.control_dt,
-            "time_limit_s": self.task.time_limit_steps * self.task.control_dt,
+            "time_limit_s": self.task.time_limit_s,
             "sweep": self.point and self.point._asdict(),
         }
 

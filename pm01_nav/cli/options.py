@@ -203,38 +203,27 @@ def task_from_options(
     """
     from pm01_nav.task.choice import chosen_task
 
-    named = given_settings(config_file, changes).get("task") or {}
+    layers = (settings.get("task") or {} for settings in given_settings(config_file, changes))
     source = config_file or "configuration"
-    return chosen_task(base, task, named, source=source, map=map_, **options)
+    return chosen_task(base, task, *layers, source=source, map=map_, **options)
 
 
-def given_settings(config_file: str | None, changes: tuple[str, ...]) -> dict[str, Any]:
-    """Return what a file says, and over it what ``--set`` says: ``task`` and ``train``.
+def given_settings(config_file: str | None, changes: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Return what a file says, and what ``--set`` says, which goes over it: ``task``, ``train``.
 
     Raises:
         InputError: the file is unreadable, or there are other sections.
     """
-    from pm01_nav.config import merge
     from pm01_nav.documents import load_yaml
     from pm01_nav.task.given_files import located
-    from pm01_nav.task.randomization import CONTROL_DT, in_seconds
 
     settings = load_yaml(config_file) if config_file else {}
     if config_file and isinstance(settings.get("task"), dict):
         settings["task"] = located(settings["task"], Path(config_file).parent)
-    settings = merge(settings, parse_changes(changes))
-    source = config_file or "--set"
-    _only_sections(settings, source)
-    task = settings.get("task") or {}
-    if isinstance(task.get("randomization"), dict):
-        # Before it is merged with what a task has, in seconds.
-        ranges = in_seconds(
-            task["randomization"],
-            task.get("control_dt", CONTROL_DT),
-            f"{source}: task.randomization",
-        )
-        settings["task"] = {**task, "randomization": ranges}
-    return settings
+    given = parse_changes(changes)
+    _only_sections(settings, config_file or "--set")
+    _only_sections(given, "--set")
+    return [settings, given]
 
 
 def _only_sections(settings: dict[str, Any], source: str) -> None:

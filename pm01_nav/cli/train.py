@@ -197,11 +197,14 @@ def fresh_config(options: dict[str, Any], defaults: dict[str, Any] | None = None
     Raises:
         InputError: something is unknown or not allowed.
     """
+    from pm01_nav.config import merge
     from pm01_nav.training.config import preset_defaults, run_config, with_flags
 
     flags = {name: options.pop(name, None) for name in FLAGS}
     n_envs, file = options.pop("n_envs"), options["config_file"]
-    settings = given_settings(file, options["changes"]).get("train") or {}
+    settings: dict[str, Any] = {}
+    for layer in given_settings(file, options["changes"]):
+        settings = merge(settings, layer.get("train") or {})
     settings = with_flags(settings, n_envs, flags)
     preset = preset_defaults(settings.get("preset") or "default")
     task = task_from_options(None, defaults=preset.get("task"), **options)

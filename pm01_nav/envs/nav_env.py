@@ -66,11 +66,11 @@ degrees, the first one behind | -1 | 1 | 1 |
 
     ## Episode end
     Terminated: (1) within 0.3 m of the goal; (2) in a collision: v0 by a return nearer than
-    0.2 m, v1 by a touch of the footprint. Truncated: after 500 steps.
+    0.2 m, v1 by a touch of the footprint. Truncated: after 50 s.
 
     ## Arguments
     ``task``: a task's name or a ``TaskConfig``; further keywords change keys of it, for example
-    ``gym.make("pm01_nav.envs:PM01Nav-v1", task="empty", time_limit_steps=200)``. ``gym.make``'s
+    ``gym.make("pm01_nav.envs:PM01Nav-v1", task="empty", time_limit_s=20)``. ``gym.make``'s
     own ``max_episode_steps`` never gets here: it wraps the environment in a ``TimeLimit``, which
     can only shorten episodes. One environment of a task by name has 32 worlds at most, so that it
     is there at once; to learn in more, say ``num_worlds=1024``, as ``gym.make_vec`` has them.

@@ -9,8 +9,9 @@ import numpy as np
 from gymnasium import spaces
 
 from pm01_nav.config import merge, validate
+from pm01_nav.durations import in_seconds
 from pm01_nav.errors import InputError
-from pm01_nav.task.config import TaskConfig
+from pm01_nav.task.config import TaskConfig, task_in_seconds
 from pm01_nav.task.observation import ObservationLayout
 from pm01_nav.task.privileged import Privileged
 from pm01_nav.task.tasks import task_config
@@ -45,29 +46,35 @@ def action_space(layout: ObservationLayout) -> spaces.Box:
 def resolve_task(task: str | TaskConfig, changes: dict[str, object]) -> TaskConfig:
     """Return a task by name, or as it is given, with keyword changes laid over it.
 
-    ``max_episode_steps`` is Gymnasium's name of ``time_limit_steps``; None and -1 change nothing.
+    ``max_episode_steps`` is Gymnasium's way to say ``time_limit_s``; None and -1 change nothing.
 
     Raises:
         InputError: the task or a changed key is unknown, or a value is not allowed.
     """
     config = task_config(task) if isinstance(task, str) else task
-    changes = _by_our_names(changes)
+    changes = _by_our_names(changes, config)
     if not changes:
         return config
     return validate(TaskConfig, merge(config.model_dump(), changes), f"task {config.name}")
 
 
-def _by_our_names(changes: dict[str, object]) -> dict[str, object]:
+def _by_our_names(changes: dict[str, object], config: TaskConfig) -> dict[str, object]:
+    source, control_dt = f"task {config.name}: ", config.control_dt
     ours = {name: value for name, value in changes.items() if name != "max_episode_steps"}
-    limit = changes.get("max_episode_steps")
-    if limit in (None, -1):
+    ours = task_in_seconds(ours, control_dt, source)
+    steps = changes.get("max_episode_steps")
+    if steps in (None, -1):
         return ours
-    if ours.setdefault("time_limit_steps", limit) != limit:
+    names = {"max_episode_steps": "time_limit_s"}
+    control_dt = ours.get("control_dt", control_dt)
+    theirs = in_seconds({"max_episode_steps": steps}, names, control_dt, source)
+    given = {"time_limit_s": ours["time_limit_s"]} if "time_limit_s" in ours else theirs
+    if given != theirs:
         raise InputError(
-            f"max_episode_steps = {limit}, time_limit_steps = {ours['time_limit_steps']}: "
+            f"max_episode_steps = {steps}, time_limit_s = {ours['time_limit_s']}: "
             "two names of one thing; give one"
         )
-    return ours
+    return ours | theirs
 
 
 def described(metadata: dict[str, Any], config: TaskConfig, **more: Any) -> dict[str, Any]:

@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pm01_nav.config import FrozenModel
+from pm01_nav.durations import CONTROL_DT, in_seconds, whole_steps
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import to_frame, to_world
 from pm01_nav.planners.rolling_costmap import CostmapParams, RollingCostmap
@@ -28,18 +31,27 @@ EDGE = 3
 """A goal beyond the map is sought this many cells inside its edge."""
 
 
+EARLY = {"replan_steps": "replan_s", "patience_steps": "patience_s"}
+"""What early parameters counted in control steps, and the present keys."""
+
+
 class GuideParams(FrozenModel):
     """How the way to the goal is planned."""
 
     costmap: CostmapParams = CostmapParams()
-    replan_steps: int = Field(default=10, ge=1)
-    """Control steps between two plans of a robot that keeps to its plan."""
-    patience_steps: int = Field(default=3, ge=1)
-    """Control steps between two plans of one that does not."""
+    replan_s: float = Field(default=1.0, gt=0.0)
+    """Time between two plans of a robot that keeps to its plan [s]."""
+    patience_s: float = Field(default=0.3, gt=0.0)
+    """Time between two plans of one that does not [s]; both are rounded to control periods."""
     strayed: float = Field(default=0.5, gt=0.0)
     """A robot further from its plan does not keep to it [m]."""
     snap: float = Field(default=1.5, ge=0.0)
     """A goal in a closed cell is replaced by a free one no further away [m]."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_seconds(cls, given: Any) -> Any:
+        return in_seconds(given, EARLY, CONTROL_DT) if isinstance(given, Mapping) else given
 
 
 @dataclass(frozen=True)
@@ -81,6 +93,8 @@ class GuidedPlanner(ScanPlanner):
         super().__init__(robot)
         self.control_dt = control_dt
         self._guide, self._look_ahead = guide, look_ahead
+        self._replan_after = whole_steps(guide.replan_s, control_dt)
+        self._patience = whole_steps(guide.patience_s, control_dt)
         self._map: RollingCostmap | None = None
         self._timer = StepTimer(control_dt)
         self._told: tuple[float | None, ArrayLike | None] = (None, None)
@@ -156,11 +170,11 @@ class GuidedPlanner(ScanPlanner):
         position = maps.pose[i, :2]
         self._age[i] += 1
         plan = self._plans[i]
-        if plan is None or self._age[i] >= self._guide.replan_steps:
+        if plan is None or self._age[i] >= self._replan_after:
             plan = self._replan(maps, i, goal)
         ahead = plan.look_ahead(position, self._look_ahead)
         keeps = ahead.visible and ahead.deviation <= self._guide.strayed
-        if not keeps and self._age[i] >= self._guide.patience_steps:
+        if not keeps and self._age[i] >= self._patience:
             plan = self._replan(maps, i, goal)
             ahead = plan.look_ahead(position, self._look_ahead)
         return self._way_out(i, position, _not_too_near(plan, ahead.point))

@@ -8,14 +8,18 @@ angle and prefer forward.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 from scipy import ndimage
 
 from pm01_nav.compilation import compiled
 from pm01_nav.config import FrozenModel
+from pm01_nav.durations import CONTROL_DT, in_seconds, whole_steps
 from pm01_nav.planners.distance_field import DistanceFields, clearance_at, covering_discs
 from pm01_nav.planners.guided import GuidedPlanner, GuideParams, Situation
 from pm01_nav.planners.registry import planner
@@ -31,6 +35,10 @@ SMOOTHING = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
 """Savitzky-Golay filter of 5 points and 2nd order, with which Nav2, too, smooths the commands."""
 
 
+EARLY = {"steps": "horizon_s"}
+"""What early parameters counted in control steps, and the present key."""
+
+
 class MPPIParams(FrozenModel):
     """Parameters of MPPI."""
 
@@ -38,8 +46,8 @@ class MPPIParams(FrozenModel):
     look_ahead: float = Field(gt=0.0)
     """Of the plan's point that the futures should lead to [m]."""
     rollouts: int = Field(ge=2)
-    steps: int = Field(ge=2)
-    """Control steps of a rollout."""
+    horizon_s: float = Field(gt=0.0)
+    """Time that a rollout covers [s], rounded to control periods."""
     linear_std: float = Field(gt=0.0)
     """Standard deviation of the random speeds [m/s]."""
     angular_std: float = Field(gt=0.0)
@@ -63,6 +71,11 @@ class MPPIParams(FrozenModel):
     forward_weight: float = Field(ge=0.0)
     """Per metre driven backwards."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _in_seconds(cls, given: Any) -> Any:
+        return in_seconds(given, EARLY, CONTROL_DT) if isinstance(given, Mapping) else given
+
 
 @planner("mppi", MPPIParams)
 class MPPI(GuidedPlanner):
@@ -72,10 +85,11 @@ class MPPI(GuidedPlanner):
         """Drive a robot that is commanded every ``control_dt`` [s]."""
         super().__init__(robot, control_dt, params.guide, params.look_ahead)
         self.params = params
+        self._steps = max(2, whole_steps(params.horizon_s, control_dt))
         limits = robot.limits
         self._discs = covering_discs(robot.footprint)
         radius = robot.footprint.circumscribed_radius + params.margin
-        reach = limits.linear_max * params.steps * control_dt + params.repulsion_distance
+        reach = limits.linear_max * self._steps * control_dt + params.repulsion_distance
         self._fields = DistanceFields(
             robot, min(reach + radius, params.guide.costmap.obstacle_range)
         )
@@ -101,7 +115,7 @@ class MPPI(GuidedPlanner):
         # Drawing noise anew takes longer than all the rest. The same noise moved along in time does
         # not add the same error to the plan at each step.
         rng = np.random.default_rng(NOISE_SEED)
-        noise = rng.standard_normal((params.rollouts, params.steps, 2))
+        noise = rng.standard_normal((params.rollouts, self._steps, 2))
         noise *= [params.linear_std, params.angular_std]
         self._noise = np.concatenate([noise, noise], axis=1)
         self._std = np.array([params.linear_std, params.angular_std])
@@ -109,7 +123,7 @@ class MPPI(GuidedPlanner):
     def begin(self, count: int) -> None:
         """Begin maps and plans; all commands are zero."""
         super().begin(count)
-        self._plan = np.zeros((count, self.params.steps, 2))
+        self._plan = np.zeros((count, self._steps, 2))
         self._count = 0
 
     def keep(self, robots: NDArray[np.int64]) -> None:
@@ -119,11 +133,11 @@ class MPPI(GuidedPlanner):
 
     def command(self, situation: Situation) -> FloatArray:
         """Return the first commands of the improved plans."""
-        shift = SHIFT * self._count % self.params.steps
+        shift = SHIFT * self._count % self._steps
         self._count += 1
         _improve(
             self._plan,
-            self._noise[:, shift : shift + self.params.steps],
+            self._noise[:, shift : shift + self._steps],
             self._std,
             self._fields(situation.scan),
             self._discs,

@@ -34,8 +34,8 @@ class OnnxPolicy(NetworkPolicy):
         self.path = resolved(path)
         session, self.metadata = _open(self.path)
         try:
-            layout = ObservationLayout.from_dict(self.metadata["observation"])
             control_dt = float(self.metadata["control_dt"])
+            layout = ObservationLayout.from_dict(self.metadata["observation"], control_dt)
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: unusable metadata: {error}") from error
         inputs = {given.name: given.shape[-1] for given in session.get_inputs()}

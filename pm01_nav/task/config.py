@@ -11,16 +11,26 @@ from pydantic import Field, model_validator
 
 from pm01_nav.backends import DEFAULT_GAZEBO, BackendName, GazeboConfig
 from pm01_nav.config import FrozenModel
+from pm01_nav.durations import CONTROL_DT, in_seconds, whole_steps
 from pm01_nav.robot import NonNegative, Positive, RobotSpec, changed_robot, load_robot
 from pm01_nav.sim.settings import SWITCHES, PedestrianModel
 from pm01_nav.task.frames import FramesLayout
-from pm01_nav.task.observation import GoalKind, ObservationLayout, SpaceKind, UsualParts
+from pm01_nav.task.observation import (
+    GoalKind,
+    ObservationLayout,
+    SpaceKind,
+    UsualParts,
+    memories_in_seconds,
+)
 from pm01_nav.task.parts import make_part
 from pm01_nav.task.parts.base import check_part
-from pm01_nav.task.randomization import CONTROL_DT, RandomizationConfig, in_seconds
+from pm01_nav.task.randomization import RandomizationConfig, delays_in_seconds
 from pm01_nav.task.rewards import checked, needed
 from pm01_nav.task.scans import scan_geometry
 from pm01_nav.task.trail import TrailLayout
+
+EARLY = {"time_limit_steps": "time_limit_s"}
+"""Keys by which early tasks counted control steps, and the present ones."""
 
 
 class ObservationConfig(FrozenModel):
@@ -82,8 +92,8 @@ class TaskConfig(FrozenModel):
     """For the backends ``gazebo`` and ``gazebo_transport``."""
     control_dt: Annotated[float, Field(ge=0.001, le=1.0)] = CONTROL_DT
     """Time between two actions [s]."""
-    time_limit_steps: Annotated[int, Field(ge=1)] = 500
-    """After so many steps the episode is truncated."""
+    time_limit_s: Annotated[float, Field(gt=0.0, le=1e9)] = 50.0
+    """After so long the episode is truncated [s]; rounded to control periods."""
     goal_radius: Positive = 0.3
     """[m]"""
     goal_distance: tuple[NonNegative, NonNegative | None] = (2.0, None)
@@ -108,12 +118,8 @@ class TaskConfig(FrozenModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _delays_in_seconds(cls, given: Any) -> Any:
-        if not isinstance(given, Mapping) or not isinstance(given.get("randomization"), Mapping):
-            return given
-        control_dt = given.get("control_dt", CONTROL_DT)
-        ranges = in_seconds(given["randomization"], control_dt, "task.randomization")
-        return {**given, "randomization": ranges}
+    def _in_seconds(cls, given: Any) -> Any:
+        return task_in_seconds(given, CONTROL_DT, "task.") if isinstance(given, Mapping) else given
 
     @model_validator(mode="after")
     def _is_consistent(self) -> TaskConfig:
@@ -143,6 +149,11 @@ class TaskConfig(FrozenModel):
                     raise ValueError(f"rewards.{name}: needs observation.{feature}")
         return self
 
+    @property
+    def time_limit_steps(self) -> int:
+        """The time limit in control steps."""
+        return whole_steps(self.time_limit_s, self.control_dt)
+
     def robot_spec(self) -> RobotSpec:
         """Return the robot with this task's changes.
 
@@ -155,6 +166,26 @@ class TaskConfig(FrozenModel):
         """Return the least and the greatest distance from start to goal [m]."""
         low, high = self.goal_distance
         return low, math.inf if high is None else high
+
+
+def task_in_seconds(given: Mapping[str, Any], control_dt: float, source: str) -> dict[str, Any]:
+    """Return keys of a task, with seconds for what early ones counted in control steps.
+
+    Convert changes before they go over a task, which has all of it in seconds. The steps are
+    those of their own control period, or else of ``control_dt`` [s].
+
+    Raises:
+        InputError: a duration stands there in both ways, or is no number of steps.
+    """
+    control_dt = given.get("control_dt", control_dt)
+    task = in_seconds(given, EARLY, control_dt, source)
+    if isinstance(task.get("randomization"), Mapping):
+        ranges = delays_in_seconds(task["randomization"], control_dt, f"{source}randomization")
+        task["randomization"] = ranges
+    if isinstance(task.get("observation"), Mapping):
+        seen = memories_in_seconds(task["observation"], control_dt, f"{source}observation.")
+        task["observation"] = seen
+    return task
 
 
 def observation_layout(config: TaskConfig, robot: RobotSpec) -> ObservationLayout:

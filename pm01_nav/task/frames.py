@@ -6,6 +6,7 @@ Environments and policies keep it alike, in this class.
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pm01_nav.arrays import NUMPY, Arrays, array_namespace
+from pm01_nav.durations import whole_steps
 from pm01_nav.errors import InputError
 
 
@@ -22,13 +24,8 @@ class FramesLayout:
 
     count: int = 2
     """How many."""
-    interval_steps: int = 3
-    """Control steps between one and the next."""
-
-    @property
-    def length(self) -> int:
-        """How many scans are remembered; after so many steps each lies where it lay before."""
-        return self.count * self.interval_steps + 1
+    interval_s: float = 0.3
+    """Time between one and the next [s], rounded to control periods."""
 
     def __post_init__(self) -> None:
         """Refuse numbers that are not positive.
@@ -37,19 +34,27 @@ class FramesLayout:
             InputError: names the first one.
         """
         for name, value in asdict(self).items():
-            if value < 1:
-                raise InputError(f"frames.{name} = {value}: must be 1 or more")
+            if not 0 < value < math.inf:
+                raise InputError(f"frames.{name} = {value}: must be above 0")
 
 
 class FrameStack:
     """The last scans of n robots, each as observations show it (``Scan.present``)."""
 
     def __init__(
-        self, layout: FramesLayout, num_robots: int, sectors: int, arrays: Arrays = NUMPY
+        self,
+        layout: FramesLayout,
+        control_dt: float,
+        num_robots: int,
+        sectors: int,
+        arrays: Arrays = NUMPY,
     ) -> None:
-        """Make room; ``begin`` fills it."""
-        self._ago = [layout.interval_steps * k for k in range(layout.count + 1)]
-        shape = (layout.length, num_robots, sectors)
+        """Make room; ``begin`` fills it. ``control_dt`` [s] lies between two scans."""
+        interval = whole_steps(layout.interval_s, control_dt)
+        self._ago = [interval * k for k in range(layout.count + 1)]
+        self.length = self._ago[-1] + 1
+        """How many scans are remembered; after so many steps each lies where it lay before."""
+        shape = (self.length, num_robots, sectors)
         self._ring = arrays.xp.zeros(shape, dtype=arrays.xp.float32, device=arrays.place)
         self._now = np.zeros(1, dtype=np.int64)
 

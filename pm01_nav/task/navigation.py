@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pm01_nav.arrays import NUMPY, Arrays
 from pm01_nav.backends import make_simulator
+from pm01_nav.durations import whole_steps
 from pm01_nav.errors import InputError
 from pm01_nav.sim.settings import SWITCHES, Features, TrailParams
 from pm01_nav.sim.simulator import Simulator
@@ -94,7 +95,9 @@ def features(config: TaskConfig, layout: ObservationLayout) -> Features:
             if needs.setdefault(name, value) != value:
                 raise InputError(f"observation.parts.{part.name}: another part needs other {name}")
     if "trail" in needs:
-        needs["trail"] = TrailParams(**needs["trail"])
+        trail = dict(needs["trail"])
+        interval = whole_steps(trail.pop("interval_s"), config.control_dt)
+        needs["trail"] = TrailParams(**trail, interval_steps=interval)
     return Features(**needs)
 
 

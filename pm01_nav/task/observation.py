@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 from pm01_nav.arrays import array_namespace
 from pm01_nav.drives import Drive, drive_from_dict, drive_to_dict
+from pm01_nav.durations import CONTROL_DT, in_seconds
 from pm01_nav.errors import InputError
 from pm01_nav.task.parts import Memory, ObservationPart, Seen, make_part
 from pm01_nav.task.parts.goal import GoalBearing, GoalDistance, GoalSinCos
@@ -31,6 +32,8 @@ from pm01_nav.task.scans import ScanGeometry
 
 GoalKind = Literal["polar", "polar_sin_cos"]
 SpaceKind = Literal["flat", "dict"]
+INTERVAL = {"interval_steps": "interval_s"}
+"""What early memories counted in control steps, and the present key."""
 
 
 @dataclass(frozen=True)
@@ -107,14 +110,16 @@ class ObservationLayout:
         }
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> ObservationLayout:
+    def from_dict(cls, data: dict[str, Any], control_dt: float = CONTROL_DT) -> ObservationLayout:
         """Build a layout from exported metadata, that of format 1 as well, which had no parts.
+
+        ``control_dt`` [s] is for early metadata, which counted control steps.
 
         Raises:
             InputError: a key is unknown or missing.
         """
         try:
-            rest = dict(data)
+            rest = memories_in_seconds(data, control_dt, "observation.")
             lidar, drive = ScanGeometry(**rest.pop("scan")), drive_from_dict(rest.pop("limits"))
             if "parts" not in rest:
                 return cls._of_format_1(lidar, drive, rest)
@@ -143,6 +148,34 @@ def _plain(parameters: dict[str, Any]) -> dict[str, Any]:
 def _refuse_unknown(data: Mapping[str, Any], known: Any) -> None:
     if unknown := sorted(set(data) - set(known)):
         raise InputError(f"observation.{unknown[0]}: unknown key")
+
+
+def memories_in_seconds(given: Mapping[str, Any], control_dt: Any, source: str) -> dict[str, Any]:
+    """Return keys of an observation, with seconds where early memories counted control steps.
+
+    ``given`` is a task's or exported metadata; see ``in_seconds``.
+    """
+    found = dict(given)
+    for key in ("trail", "frames", "layout"):
+        if isinstance(found.get(key), Mapping):
+            found[key] = in_seconds(found[key], INTERVAL, control_dt, f"{source}{key}.")
+    parts = found.get("parts")
+    if isinstance(parts, Mapping):
+        found["parts"] = {
+            name: _in_seconds(name, part, control_dt, source) for name, part in parts.items()
+        }
+    elif isinstance(parts, list):
+        found["parts"] = [
+            _in_seconds(row.get("part"), row, control_dt, source) if isinstance(row, dict) else row
+            for row in parts
+        ]
+    return found
+
+
+def _in_seconds(name: Any, part: Any, control_dt: Any, source: str) -> Any:
+    # Parts of one's own count as they like.
+    ours = name in (Scan.name, Visited.name) and isinstance(part, Mapping)
+    return memories_in_seconds(part, control_dt, f"{source}parts.{name}.") if ours else part
 
 
 def _read_part(row: dict[str, Any], lidar: ScanGeometry, drive: Drive) -> ObservationPart:

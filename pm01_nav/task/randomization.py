@@ -16,12 +16,11 @@ from pydantic import AfterValidator, Field
 
 from pm01_nav.config import FrozenModel, validate
 from pm01_nav.documents import load_yaml
+from pm01_nav.durations import CONTROL_DT
 from pm01_nav.errors import InputError, InputWarning
 from pm01_nav.robot import RobotSpec
 from pm01_nav.sim.settings import Perturbation
 
-CONTROL_DT = 0.1
-"""The control period of our tasks [s], by which delays of early files are understood."""
 IN_STEPS = ("command_delay", "scan_delay", "scan_sweep")
 """What the simulator counts in its steps, and early files in control steps."""
 LONGEST_S = 1.0
@@ -157,7 +156,7 @@ def default_randomization() -> RandomizationConfig:
     )
 
 
-def in_seconds(ranges: Mapping[str, Any], control_dt: Any, source: str) -> dict[str, Any]:
+def delays_in_seconds(ranges: Mapping[str, Any], control_dt: Any, source: str) -> dict[str, Any]:
     """Return ranges, in which early files counted delays in control steps, with seconds.
 
     A warning says what was converted, and by which control period. Where ``control_dt`` is no
@@ -219,4 +218,6 @@ def load_randomization(choice: str, control_dt: float = CONTROL_DT) -> Randomiza
         raise InputError(
             f"randomization = {choice!r}: unknown; allowed: off, on, or the path of a .yaml file"
         )
-    return validate(RandomizationConfig, in_seconds(load_yaml(choice), control_dt, choice), choice)
+    return validate(
+        RandomizationConfig, delays_in_seconds(load_yaml(choice), control_dt, choice), choice
+    )

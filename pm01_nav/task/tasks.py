@@ -113,7 +113,7 @@ def _winding(suite: str, **changes: Any) -> TaskConfig:
     rewards["path_progress"] = rewards.pop("progress")
     rewards["revisiting"] = RewardTerm(weight=-0.5)
     observation = ObservationConfig(trail=TrailLayout(), frames=FramesLayout())
-    settings = {"observation": observation, "rewards": rewards, "time_limit_steps": 1000}
+    settings = {"observation": observation, "rewards": rewards, "time_limit_s": 100.0}
     return navigation(suite, **(settings | changes))
 
 
@@ -132,9 +132,9 @@ def rooms() -> TaskConfig:
 @task
 def maze() -> TaskConfig:
     """A maze with passages 0.85 to 1.6 m wide; the way is often several times the distance."""
-    # At 0.5 m/s one drives 100 m in 2000 steps. Of 3500 shortest ways 1 % were above 28 m, but who
+    # At 0.5 m/s one drives 100 m in 200 s. Of 3500 shortest ways 1 % were above 28 m, but who
     # has no map also sees dead ends from inside.
-    return _winding("maze", time_limit_steps=2000)
+    return _winding("maze", time_limit_s=200.0)
 
 
 @task
@@ -180,7 +180,7 @@ def _barn(suite: str, **changes: Any) -> TaskConfig:
         "robot": "jackal",
         # The Jackal reverses at 2 m/s; half of all actions would be spent on what nobody needs.
         "robot_changes": {"limits": {"linear_min": -0.5}},
-        "time_limit_steps": 1000,
+        "time_limit_s": 100.0,
         "goal_radius": 1.0,
         "goal_distance": (0.0, None),
         "margin": 0.03,

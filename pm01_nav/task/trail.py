@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pm01_nav.durations import whole_steps
 from pm01_nav.errors import InputError
 from pm01_nav.geometry import after_twist, compose_poses
 
@@ -26,8 +27,8 @@ class TrailLayout:
 
     sectors: int = 18
     """Equal sectors around the robot, the first one behind, counter-clockwise."""
-    interval_steps: int = 10
-    """Control steps between two noted places."""
+    interval_s: float = 1.0
+    """Time between two noted places [s], rounded to control periods."""
     capacity: int = 128
     """Places remembered; then the oldest is forgotten."""
     reach: float = 3.0
@@ -97,6 +98,7 @@ class Trail:
         """Begin ``count`` trails where the robots stand; ``control_dt`` [s] from step to step."""
         self.layout = layout
         self._dt = control_dt
+        self._interval = whole_steps(layout.interval_s, control_dt)
         self._pose = np.zeros((count, 3))
         self._velocity: FloatArray | None = None
         self._places = np.zeros((count, layout.capacity, 2))
@@ -134,7 +136,7 @@ class Trail:
         if self._until_note <= 0:
             self._places[:, self._noted % self.layout.capacity] = self._pose[:, :2]
             self._noted += 1
-            self._until_note += self.layout.interval_steps
+            self._until_note += self._interval
         places = self._places[:, : self._noted]
         # How many places were noted after that of a slot; the slots are a ring.
         later = (self._noted - 1 - np.arange(places.shape[1])) % self.layout.capacity

@@ -64,7 +64,7 @@ def first_sight(config: TaskConfig, episodes: int, seed: int) -> Constant:
 
 
 def test_same_seed_same_episodes_other_seed_others() -> None:
-    config = task(time_limit_steps=2)
+    config = task(time_limit_s=0.2)
     one, two, other = (first_sight(config, 6, seed) for seed in (0, 0, 1))
     assert (one.scans[0] == two.scans[0]).all()
     assert (one.goals[0] == two.goals[0]).all()
@@ -72,20 +72,20 @@ def test_same_seed_same_episodes_other_seed_others() -> None:
 
 
 def test_episode_is_the_same_whatever_their_number() -> None:
-    config = task(time_limit_steps=1)
+    config = task(time_limit_s=0.1)
     few, more = (first_sight(config, count, 3) for count in (4, 9))
     assert (few.scans[0] == more.scans[0][:4]).all()
     assert (few.goals[0] == more.goals[0][:4]).all()
 
 
 def test_episode_is_the_same_whatever_their_number_even_if_it_is_large() -> None:
-    config = task(time_limit_steps=1)
+    config = task(time_limit_s=0.1)
     few, more = (first_sight(config, count, 3) for count in (2, 300))
     assert (few.goals[0] == more.goals[0][:2]).all()
 
 
 def test_each_policy_meets_the_same_episodes() -> None:
-    evaluator = Evaluator(task(time_limit_steps=5), 4, 0)
+    evaluator = Evaluator(task(time_limit_s=0.5), 4, 0)
     one, two = Constant(0.5, 0.0), Constant(-0.2, 1.0)
     evaluator.run(one)
     evaluator.run(two)
@@ -94,7 +94,7 @@ def test_each_policy_meets_the_same_episodes() -> None:
 
 @pytest.mark.parametrize("answer", [np.zeros((4, 3)), np.zeros((3, 2)), np.zeros(2), 0.0])
 def test_an_answer_of_the_wrong_shape_loses_every_episode(answer) -> None:
-    results, _ = Evaluator(task("empty", time_limit_steps=3), 4, 0).run(Answering(answer))
+    results, _ = Evaluator(task("empty", time_limit_s=0.3), 4, 0).run(Answering(answer))
     assert not (results.success | results.collision).any()
     for reason in results.failure:
         assert "answered with shape" in reason
@@ -104,7 +104,7 @@ def test_an_answer_of_the_wrong_shape_loses_every_episode(answer) -> None:
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_row_that_is_not_finite_loses_its_episode_only(bad: float) -> None:
     answer = np.array([[0.0, 0.0]] * 3 + [[0.0, bad]])
-    results, _ = Evaluator(task("empty", time_limit_steps=3), 4, 0).run(Answering(answer))
+    results, _ = Evaluator(task("empty", time_limit_s=0.3), 4, 0).run(Answering(answer))
     assert results.failure.tolist() == [""] * 3 + ["answered with NaN or infinity"]
     # It lost before its first step; the others stand until their time is up.
     assert results.steps.tolist() == [3, 3, 3, 0]
@@ -124,7 +124,7 @@ class AfraidOf(Constant):
 
 
 def test_a_policy_that_raises_loses_that_episode_only() -> None:
-    evaluator = Evaluator(task("empty", time_limit_steps=4), 9, 0)
+    evaluator = Evaluator(task("empty", time_limit_s=0.4), 9, 0)
     evaluator.run(seen := Constant(0.0, 0.0))
     results, _ = evaluator.run(AfraidOf(seen.goals[0][[2, 7]]))
     reasons = ["RuntimeError: not that one" if k in (2, 7) else "" for k in range(9)]
@@ -137,14 +137,14 @@ def test_a_policy_that_raises_loses_that_episode_only() -> None:
 
 def test_failures_are_neither_collisions_nor_timeouts() -> None:
     answer = np.array([[0.0, 0.0]] * 3 + [[0.0, np.nan]])
-    evaluator = Evaluator(task("empty", time_limit_steps=3), 4, 0)
+    evaluator = Evaluator(task("empty", time_limit_s=0.3), 4, 0)
     summary = evaluator.summary(Answering(answer))
     assert (summary["timeout_rate"], summary["failure_rate"]) == (0.75, 0.25)
     assert summary["failures"] == {"answered with NaN or infinity": 1}
 
 
 def test_later_episodes_alone() -> None:
-    config = task(time_limit_steps=1)
+    config = task(time_limit_s=0.1)
     whole, later = Constant(0.0, 0.0), Constant(0.0, 0.0)
     Evaluator(config, 6, 3).run(whole)
     results, _ = Evaluator(config, 2, 3, first=4).run(later)
@@ -170,7 +170,7 @@ def test_goal_seeking_solves_the_empty_room() -> None:
 def test_scripted_drive_by_hand() -> None:
     # The article's robot starts at (0, 0, 0), at rest. Straight on at 0.5 m/s it comes, if nothing
     # stops it, 0.05 m further a step, less what it takes to get up to speed.
-    config = task("article", robot_changes={"lidar": full_circle(20)}, time_limit_steps=10)
+    config = task("article", robot_changes={"lidar": full_circle(20)}, time_limit_s=1.0)
     results, seconds = Evaluator(config, 8, 0).run(Constant(0.5, 0.0))
     free = ~(results.success | results.collision)
     assert free.sum() >= 4
@@ -184,7 +184,7 @@ def test_scripted_drive_by_hand() -> None:
 
 
 def test_standing_still_is_a_timeout() -> None:
-    results, _ = Evaluator(task(time_limit_steps=7), 5, 0).run(Constant(0.0, 0.0))
+    results, _ = Evaluator(task(time_limit_s=0.7), 5, 0).run(Constant(0.0, 0.0))
     assert not results.success.any()
     assert not results.collision.any()
     assert (results.steps == 7).all()
@@ -202,14 +202,14 @@ def test_driving_blindly_collides() -> None:
 
 
 def test_shortest_path_ends_at_the_goal_radius() -> None:
-    results, _ = Evaluator(task("empty", time_limit_steps=1), 6, 0).run(seen := Constant(0, 0))
+    results, _ = Evaluator(task("empty", time_limit_s=0.1), 6, 0).run(seen := Constant(0, 0))
     straight = np.linalg.norm(seen.goals[0], axis=1)
     assert results.shortest_path == pytest.approx(straight - 0.3, abs=1e-9)
 
 
 def test_episodes_end_alike_alone_and_beside_others() -> None:
     # Those that are done are left out of the batch; it must change nothing for the others.
-    config = task("mixed", time_limit_steps=300)
+    config = task("mixed", time_limit_s=30.0)
     planner = make_planner("goal_seeking", config.robot_spec(), config.control_dt)
     together, _ = Evaluator(config, 24, 0).run(planner)
     assert len(set(together.steps.tolist())) > 12
@@ -262,7 +262,7 @@ def test_dynabarn_scores_with_the_true_length_and_as_published(dynabarn: TaskCon
 
 
 def test_worlds_from_files_are_visited_in_turn(dynabarn: TaskConfig) -> None:
-    evaluator = Evaluator(dynabarn.model_copy(update={"time_limit_steps": 1}), 1, 0)
+    evaluator = Evaluator(dynabarn.model_copy(update={"time_limit_s": 0.1}), 1, 0)
     results, _ = evaluator.run(Constant(0.0, 0.0), np.arange(7, 10))
     assert results.world.tolist() == [0, 0, 0]
     assert results.reference_path == pytest.approx([20.0] * 3)

@@ -25,7 +25,7 @@ IDEAL = {
 def record(world: World, commands, pose=(5.0, 5.0, 0.0), goal=(15.0, 15.0)) -> EpisodeResults:
     """Drive one ideal robot by a list of commands, or until its episode ends."""
     config = resolve_task("static", {"robot_changes": IDEAL})
-    config = config.model_copy(update={"time_limit_steps": len(commands)})
+    config = config.model_copy(update={"time_limit_s": 0.1 * len(commands)})
     batch = NavigationBatch(config, build_pool([world], radius=0.1), 1, autoreset=False)
     batch.reset([0], np.array([0]))
     batch.simulator.place(np.array([0]), np.array([pose]), np.array([goal]))

@@ -33,7 +33,7 @@ def test_the_same_suite_has_the_same_hash() -> None:
         read_suite("static", seed=1, robot="jackal"),
         read_suite("static", seed=1, randomization="on"),
         changed(goal_radius=0.31),
-        changed(time_limit_steps=501),
+        changed(time_limit_s=50.1),
         changed(margin=0.11),
         changed(suite_params={"obstacles": 8}),
     ],

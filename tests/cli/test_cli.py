@@ -229,7 +229,7 @@ def test_export_and_policy_that_does_not_fit(trained, tmp_path):
 
 def test_replay_writes_a_film(trained, tmp_path):
     film = tmp_path / "film.mp4"
-    changes = ["--set", "task.time_limit_steps=5"]
+    changes = ["--set", "task.time_limit_s=0.5"]
     done = pm01("replay", str(trained), "--episodes", "2", "-o", str(film), *changes)
     assert done.returncode == 0, done.stderr
     assert film.stat().st_size > 1000

@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 from pm01_nav.envs.vector_env import NavVectorEnv
 
 ID = "pm01_nav.envs:PM01Nav-v1"
-CHANGES = {"num_worlds": 4, "time_limit_steps": 8}
+CHANGES = {"num_worlds": 4, "time_limit_s": 0.8}
 STEPS = 20
 
 

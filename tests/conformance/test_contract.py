@@ -35,7 +35,7 @@ from pm01_nav.task.randomization import default_randomization
 from pm01_nav.task.worlds import world_pool
 
 ID = "pm01_nav.envs:PM01Nav-v1"
-FEW = {"num_worlds": 4, "time_limit_steps": 12}
+FEW = {"num_worlds": 4, "time_limit_s": 1.2}
 NEXT_STEP, SAME_STEP, DISABLED = (
     AutoresetMode.NEXT_STEP,
     AutoresetMode.SAME_STEP,
@@ -297,13 +297,13 @@ def test_max_episode_steps_is_the_time_limit(mode: str) -> None:
 
 
 def test_max_episode_steps_and_other_names() -> None:
-    assert NavVectorEnv(1, "empty", max_episode_steps=900).batch.config.time_limit_steps == 900
+    assert NavVectorEnv(1, "empty", max_episode_steps=900).batch.config.time_limit_s == 90.0
     for own in (None, -1):
         config = NavVectorEnv(1, "empty", max_episode_steps=own).batch.config
-        assert config.time_limit_steps == 500
+        assert config.time_limit_s == 50.0
     with pytest.raises(InputError, match="two names of one thing"):
-        NavVectorEnv(1, "empty", max_episode_steps=9, time_limit_steps=8)
-    with pytest.raises(InputError, match="time_limit_steps"):
+        NavVectorEnv(1, "empty", max_episode_steps=9, time_limit_s=0.8)
+    with pytest.raises(InputError, match="max_episode_steps = 0: must be a whole number"):
         NavVectorEnv(1, "empty", max_episode_steps=0)
     with pytest.raises(InputError, match="autoreset_mode = 'Later': allowed: NextStep, SameStep"):
         NavVectorEnv(1, "empty", autoreset_mode="Later")

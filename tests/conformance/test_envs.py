@@ -48,7 +48,7 @@ STEPS = 125
 def short(case: str) -> TaskConfig:
     """Return a task with few worlds and episodes of at most 40 steps."""
     task, changes = CASES[case]
-    return resolve_task(task, FEW | {"time_limit_steps": 40} | changes)
+    return resolve_task(task, FEW | {"time_limit_s": 4.0} | changes)
 
 
 def random_actions(
@@ -212,7 +212,7 @@ def test_observations_are_alive_and_in_the_space(case: str) -> None:
 def trail_is_alive(case: str) -> NDArray[np.bool_]:
     """Drive figures of eight where there is room; return which numbers of the trail change."""
     task, changes = CASES[case]
-    room = FEW | {"time_limit_steps": 500, "suite": "empty"}
+    room = FEW | {"time_limit_s": 50.0, "suite": "empty"}
     env = NavVectorEnv(8, resolve_task(task, room | changes))
     rows = [env.reset(seed=0)[0]]
     drive = env.batch.layout.drive
@@ -302,7 +302,7 @@ def test_terminal_observation_is_that_before_the_reset(case: str) -> None:
 
 
 def test_sb3_infos_tell_how_episodes_ended() -> None:
-    config = resolve_task("empty", {"time_limit_steps": 60, "goal_distance": (0.5, 4.0)})
+    config = resolve_task("empty", {"time_limit_s": 6.0, "goal_distance": (0.5, 4.0)})
     env = make_sb3(config, 64, seed=0)
     observation = env.reset()
     seen = set()
@@ -420,7 +420,7 @@ def test_wrong_arguments_are_refused(arguments: dict[str, Any], message: str) ->
 def test_play_keeps_the_observation_layout() -> None:
     # Changing what only concerns playing must not change what a policy sees.
     plain = NavEnv("static", num_worlds=2)
-    shown = NavEnv("static", num_worlds=2, time_limit_steps=50, render_mode="rgb_array")
+    shown = NavEnv("static", num_worlds=2, time_limit_s=5.0, render_mode="rgb_array")
     assert plain.batch.layout == shown.batch.layout
     assert plain.observation_space == shown.observation_space
     assert task_config("static").observation == plain.batch.config.observation

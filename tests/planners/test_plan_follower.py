@@ -68,7 +68,7 @@ def trap(request, monkeypatch) -> TaskConfig:
     monkeypatch.setitem(SOURCES, "trap", None)  # to be taken out again
     suite()(trap)
     changes = {"suite": "trap", "robot_changes": {"lidar": full_circle(36)}}
-    return resolve_task("static", changes | {"time_limit_steps": 800, "goal_distance": (0, None)})
+    return resolve_task("static", changes | {"time_limit_s": 80.0, "goal_distance": (0, None)})
 
 
 @pytest.mark.parametrize("trap", TRAPS, indirect=True)

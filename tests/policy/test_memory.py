@@ -19,7 +19,7 @@ from pm01_nav.task.trail import TrailLayout
 GOAL, REST, ANSWER = (3.0, 0.0), (0.0, 0.0), (0.125, 0.75)
 GEOMETRY = ScanGeometry(4, -math.pi, math.pi / 2, 0.1, 10.0)
 DRIVE = DifferentialDrive(-0.2, 0.5, 1.5)
-TRAIL = TrailLayout(sectors=4, interval_steps=2, capacity=8, reach=2.0, near=0.5)
+TRAIL = TrailLayout(sectors=4, interval_s=0.2, capacity=8, reach=2.0, near=0.5)
 # 4 beams, two earlier scans of 4, distance, sine, cosine, v, w; last action; 4 sectors, familiarity
 EARLIER, ACTION, VISITED = [4, 8], slice(17, 19), slice(19, 23)
 
@@ -28,7 +28,7 @@ class Seen:
     """A policy with every memory, and what its network is shown; it always answers the same."""
 
     def __init__(self) -> None:
-        frames = FramesLayout(count=2, interval_steps=2)
+        frames = FramesLayout(count=2, interval_s=0.2)
         parts = UsualParts(nearness_distance=0.0, trail=TRAIL, frames=frames)
         layout = ObservationLayout(GEOMETRY, DRIVE, parts.made(GEOMETRY, DRIVE))
         self.observations, self.memories = [], []

@@ -70,7 +70,7 @@ def differences(name: str, num_envs: int, steps: int, errors: bool) -> dict[str,
 
 def batch_differences(name: str, num_envs: int, steps: int) -> dict[str, float]:
     """Return the same for observations, rewards and ends of a task with automatic resets."""
-    task = task_config(name).model_copy(update={"num_worlds": 4, "time_limit_steps": 12})
+    task = task_config(name).model_copy(update={"num_worlds": 4, "time_limit_s": 1.2})
     pool, on = world_pool(task, "train", 4), arrays_on("cuda")
     cpu, gpu = (
         NavigationBatch(task, pool, num_envs),
@@ -93,7 +93,7 @@ def batch_differences(name: str, num_envs: int, steps: int) -> dict[str, float]:
 
 def vector_env_differences(num_envs: int, steps: int) -> dict[str, float]:
     """Return the same for what Gymnasium's vector environment gives."""
-    changes = {"num_worlds": 4, "time_limit_steps": 10}
+    changes = {"num_worlds": 4, "time_limit_s": 1.0}
     name, on = "pm01_nav.envs:PM01Nav-v1", arrays_on("cuda")
     cpu, gpu = (gym.make_vec(name, num_envs, device=d, **changes) for d in ("cpu", "cuda"))
     worst = {

@@ -40,7 +40,7 @@ WALL = World("wall", (-5.0, -5.0, 5.0, 5.0), segments=np.array([[1.0, -9.0, 1.0,
 
 def config(suite: str, randomization: RandomizationConfig | None, **lidar: float) -> TaskConfig:
     changes = {"lidar": full_circle(72) | lidar}
-    update = {"robot_changes": changes, "time_limit_steps": 25, "randomization": randomization}
+    update = {"robot_changes": changes, "time_limit_s": 2.5, "randomization": randomization}
     return task_config(suite).model_copy(update=update)
 
 

@@ -255,7 +255,7 @@ def threads() -> Iterator[None]:
 
 
 def config(pedestrians: str = "orca") -> TaskConfig:
-    task = task_config("static").model_dump() | {"time_limit_steps": 40, "pedestrians": pedestrians}
+    task = task_config("static").model_dump() | {"time_limit_s": 4.0, "pedestrians": pedestrians}
     return TaskConfig.model_validate(task | {"robot_changes": {"lidar": full_circle(36)}})
 
 

@@ -28,7 +28,7 @@ def config() -> TaskConfig:
     """Return a task with noise and with episodes so short that several fit into a test."""
     lidar = full_circle(36) | {"noise_std": 0.01}
     return task_config("static").model_copy(
-        update={"robot_changes": {"lidar": lidar}, "time_limit_steps": 35}
+        update={"robot_changes": {"lidar": lidar}, "time_limit_s": 3.5}
     )
 
 

@@ -15,13 +15,15 @@ from pm01_nav.task.trail import Trail, TrailLayout, familiarity, visited_sectors
 from pm01_nav.worlds.pool import build_pool
 from pm01_nav.worlds.world import World
 
-LAYOUT = TrailLayout(sectors=8, interval_steps=5, capacity=6, reach=3.0, near=0.5, settled_places=3)
+LAYOUT = TrailLayout(sectors=8, interval_s=0.5, capacity=6, reach=3.0, near=0.5, settled_places=3)
 
 
 @pytest.fixture
 def sim() -> PlanarSimulator:
     pool = build_pool([World("open", (-20.0, -20.0, 20.0, 20.0))], radius=0.27)
-    features = Features(trail=TrailParams(**asdict(LAYOUT)))
+    in_steps = asdict(LAYOUT) | {"interval_steps": 5}
+    del in_steps["interval_s"]
+    features = Features(trail=TrailParams(**in_steps))
     sim = PlanarSimulator(load_robot("pm01"), pool, 5, features=features)
     sim.seed(np.arange(5))
     sim.reset()

@@ -130,7 +130,8 @@ def test_unknown_key_of_the_robot_names_those_allowed() -> None:
             for value in (NAN, INF, -INF, 0.0, -1.0, "near", None)
         ],
         *[("margin", value) for value in (NAN, INF, -0.1, None)],
-        *[("time_limit_steps", value) for value in (NAN, INF, 0, -5, 1.5)],
+        *[("time_limit_s", value) for value in (NAN, INF, 0, -5, "long")],
+        *[("time_limit_steps", value) for value in (NAN, INF, 0, -5, 1.5, True, 10**400, "1")],
         *[("num_worlds", value) for value in (NAN, 0, -1, 10**9)],
         *[("goal_distance", value) for value in ((NAN, 3), (1, NAN), (-1, 2), (1, INF), (2, 1))],
         *[("goal_distance", value) for value in ((2, 2), (1,), 3.0, (1, 2, 3))],

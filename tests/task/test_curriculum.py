@@ -58,7 +58,7 @@ def pool_of(names=NAMES) -> WorldPool:
 
 def batch_of(num_envs: int, names=NAMES) -> NavigationBatch:
     lidar = {"lidar": full_circle(36)}
-    config: TaskConfig = navigation("static", robot_changes=lidar, time_limit_steps=5)
+    config: TaskConfig = navigation("static", robot_changes=lidar, time_limit_s=0.5)
     return NavigationBatch(config, pool_of(names), num_envs)
 
 

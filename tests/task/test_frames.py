@@ -23,7 +23,7 @@ def scans(*values: float) -> np.ndarray:
 
 
 def test_earlier_scans_are_shown_newest_first() -> None:
-    stack = FrameStack(FramesLayout(count=2, interval_steps=2), 2, 1)
+    stack = FrameStack(FramesLayout(count=2, interval_s=0.2), 0.1, 2, 1)
     first, *others = scans(0, 1, 2, 3, 4, 5, 6, 7)
     stack.begin(ALL, first)
     shown = []
@@ -37,7 +37,7 @@ def test_earlier_scans_are_shown_newest_first() -> None:
 
 
 def test_one_robot_begins_anew() -> None:
-    stack = FrameStack(FramesLayout(count=1, interval_steps=1), 2, 1)
+    stack = FrameStack(FramesLayout(count=1, interval_s=0.1), 0.1, 2, 1)
     for nearest in scans(1, 2):
         stack.push(nearest)
     stack.begin(np.array([1]), np.array([[5.0]], dtype=np.float32))
@@ -73,7 +73,7 @@ def test_kept_robots_drive_on_as_if_beside_the_others() -> None:
         assert np.array_equal(all_six.simulator.arrays()[name][some], array), name
 
 
-@pytest.mark.parametrize("wrong", [{"count": 0}, {"interval_steps": -1}])
+@pytest.mark.parametrize("wrong", [{"count": 0}, {"interval_s": -1.0}])
 def test_impossible_layouts_are_refused(wrong: dict) -> None:
     with pytest.raises(InputError, match=f"frames.{next(iter(wrong))}"):
         FramesLayout(**wrong)
@@ -81,7 +81,7 @@ def test_impossible_layouts_are_refused(wrong: dict) -> None:
 
 def test_environment_and_policy_show_the_same() -> None:
     task = task_config("crowd").model_dump()
-    task["observation"] |= {"frames": {"count": 2, "interval_steps": 3}, "normalize": False}
+    task["observation"] |= {"frames": {"count": 2, "interval_s": 0.3}, "normalize": False}
     config = type(task_config("crowd")).model_validate(task)
     batch = NavigationBatch(config, world_pool(config, "train", 4), 4)
     observation = batch.reset(np.arange(4))

@@ -234,7 +234,14 @@ def test_metadata_of_format_1_lists_no_parts() -> None:
     layout = ObservationLayout.from_dict(earlier)
     # Two scans of 3; distance, sine, cosine, v, w; the action; 5 sectors and the familiarity.
     assert [part.size for part in layout.parts] == [6, 1, 2, 1, 1, 2, 6]
-    assert layout.part("scan").frames.interval_steps == 4
+    assert layout.part("scan").frames.interval_s == 0.4
+    assert ObservationLayout.from_dict(earlier, 0.05).part("scan").frames.interval_s == 0.2
+    listed = layout.to_dict()
+    listed["parts"][0]["frames"] = earlier["frames"]
+    assert ObservationLayout.from_dict(listed) == layout
+    listed["parts"][0]["frames"] = earlier["frames"] | {"interval_s": 0.4}
+    with pytest.raises(InputError, match=r"parts\.scan\.frames\.interval_steps: stands beside"):
+        ObservationLayout.from_dict(listed)
     with pytest.raises(InputError, match=r"observation\.colour: unknown key"):
         ObservationLayout.from_dict(earlier | {"colour": 1})
 

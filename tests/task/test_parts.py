@@ -91,7 +91,7 @@ def with_part(**parameters: Any) -> TaskConfig:
     config = task_config("static").model_dump() | {"num_worlds": 4}
     config["observation"] |= {
         "parts": {"side_clearance": parameters},
-        "frames": {"count": 1, "interval_steps": 2},
+        "frames": {"count": 1, "interval_s": 0.2},
     }
     return TaskConfig.model_validate(config)
 

@@ -104,7 +104,7 @@ def test_every_term_has_a_test() -> None:
 
 def test_sum_of_the_logged_terms_is_the_reward() -> None:
     table = {name: {"weight": w} for name, w in zip(sorted(REWARDS), range(1, 99), strict=False)}
-    changes = {"num_worlds": 2, "time_limit_steps": 30}
+    changes = {"num_worlds": 2, "time_limit_s": 3.0}
     config = task_config("corridors")  # it has a trail, which one of the terms needs
     config = type(config).model_validate(config.model_dump() | {"rewards": table} | changes)
     config = config.model_copy(update={"robot_changes": {"lidar": full_circle(36)}})

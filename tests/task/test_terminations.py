@@ -64,10 +64,10 @@ def test_time_is_up_with_the_last_step() -> None:
     assert out_of_time(step, task_config("static")).tolist() == [False, False, True, True]
 
 
-def batch_in_room(name: str, *, time_limit_steps: int = 500, **arguments) -> NavigationBatch:
+def batch_in_room(name: str, *, time_limit_s: float = 50.0, **arguments) -> NavigationBatch:
     beams = {"lidar": full_circle(20 if name == "article" else 36)}
     config = task_config(name).model_copy(
-        update={"robot_changes": beams, "time_limit_steps": time_limit_steps}
+        update={"robot_changes": beams, "time_limit_s": time_limit_s}
     )
     batch = NavigationBatch(config, build_pool([ROOM], 0.27), 1, **arguments)
     batch.reset([0])
@@ -117,7 +117,7 @@ def test_collision_ends_the_episode(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["static", "article"])
 def test_time_truncates_the_episode(name: str) -> None:
-    batch = batch_in_room(name, time_limit_steps=12)
+    batch = batch_in_room(name, time_limit_s=1.2)
     result, count = run(batch, [STOP, 1.0])
     assert count == 12
     assert (result.terminated[0], result.truncated[0]) == (False, True)
@@ -130,7 +130,7 @@ def test_arrival_in_the_last_step_is_a_success_and_no_truncation() -> None:
     batch = batch_in_room("static")
     place(batch, [-2.0, 0.0, 0.0], [0.0, 0.0])
     _, count = run(batch, [1.0, 0.0])
-    batch = batch_in_room("static", time_limit_steps=count)
+    batch = batch_in_room("static", time_limit_s=0.1 * count)
     place(batch, [-2.0, 0.0, 0.0], [0.0, 0.0])
     result, _ = run(batch, [1.0, 0.0])
     assert (result.terminated[0], result.truncated[0]) == (True, False)

@@ -9,7 +9,7 @@ import pytest
 from pm01_nav.errors import InputError
 from pm01_nav.task.trail import Trail, TrailLayout, familiarity, visited_sectors
 
-FOUR = TrailLayout(sectors=4, interval_steps=2, capacity=3, reach=2.0, near=0.5)
+FOUR = TrailLayout(sectors=4, interval_s=0.2, capacity=3, reach=2.0, near=0.5)
 
 
 def see(places, pose=(0.0, 0.0, 0.0)):
@@ -64,7 +64,7 @@ def test_dead_reckoning() -> None:
 
 
 def test_dead_reckoning_on_an_arc() -> None:
-    trail = Trail(TrailLayout(sectors=4, interval_steps=100, capacity=2, reach=4.0), 0.1, 1)
+    trail = Trail(TrailLayout(sectors=4, interval_s=10.0, capacity=2, reach=4.0), 0.1, 1)
     for _ in range(32):
         seen = trail.follow([[0.5, np.pi / 3.1]])
     # Half a circle of radius 0.5 x 3.1 / pi in 3.1 s: the start lies one diameter, 0.98676 m, to
@@ -83,7 +83,7 @@ def test_a_place_is_familiar_near_one_that_was_left() -> None:
 
 def test_one_that_goes_there_and_back_comes_to_familiar_places() -> None:
     # A place is noted at each step and settled after 3; 8 steps of 0.1 m ahead, then back.
-    layout = TrailLayout(interval_steps=1, capacity=8, near=0.25, settled_places=3)
+    layout = TrailLayout(interval_s=0.1, capacity=8, near=0.25, settled_places=3)
     trail = Trail(layout, 0.1, 1)
     velocities = [(0.0, 0.0), *[(1.0, 0.0)] * 8, *[(-1.0, 0.0)] * 8]
     here = [float(trail.follow([velocity])[0, -1]) for velocity in velocities]

@@ -62,7 +62,7 @@ def config(algo: str, network: str, iterations: int = 4) -> RunConfig:
         "threads": 1,
         algo: small | MORE.get(algo, {}) | NETWORKS[network],
     }
-    task = task_config("static").model_copy(update={"num_worlds": 2, "time_limit_steps": 20})
+    task = task_config("static").model_copy(update={"num_worlds": 2, "time_limit_s": 2.0})
     return RunConfig(task=task, train=TrainConfig.model_validate(settings))
 
 

@@ -35,7 +35,7 @@ def probe() -> TaskConfig:
     return task_config("empty").model_copy(
         update={
             "num_worlds": 4,
-            "time_limit_steps": 40,
+            "time_limit_s": 4.0,
             "goal_distance": (3.0, None),
             "rewards": {"heading": RewardTerm(weight=1.0)},
         }

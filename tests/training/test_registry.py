@@ -98,7 +98,7 @@ def run(*arguments: object) -> str:
 def test_a_registered_algorithm_learns_by_the_ordinary_command(tmp_path: Path):
     # A probe: nothing pays but speed, so that the best policy drives at full speed.
     probe = ("--task", "empty", "--set", "task.rewards={speed: {weight: 1.0}}")
-    probe += ("--set", "task.time_limit_steps=20", "--set", "train.eval_episodes=2")
+    probe += ("--set", "task.time_limit_s=2.0", "--set", "train.eval_episodes=2")
     few = ("--steps", 16_000, "--set", "train.a2c.n_steps=10", "--set", "train.eval_every=16000")
     run("train", *probe, "--algo", "a2c", *few, "--out", tmp_path / "x")
     stored = load_yaml(tmp_path / "x" / "config.yaml")["train"]

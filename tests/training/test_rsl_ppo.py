@@ -47,7 +47,7 @@ def config(iterations: int = 4, task: str = "static", **changes) -> RunConfig:
         "threads": 1,
         "ppo": PPO,
     }
-    small = task_config(task).model_copy(update={"num_worlds": 4, "time_limit_steps": 30})
+    small = task_config(task).model_copy(update={"num_worlds": 4, "time_limit_s": 3.0})
     return RunConfig(task=small, train=TrainConfig.model_validate(settings | changes))
 
 

@@ -78,7 +78,10 @@ class Scan(ObservationPart):
 
     def memory(self, count: int, control_dt: float, arrays: Arrays) -> Memory:
         """Return room for the earlier scans."""
-        return NO_MEMORY if self.frames is None else ScanMemory(self, self.frames, count, arrays)
+        if self.frames is None:
+            return NO_MEMORY
+        sectors = self.shape[1]
+        return ScanMemory(self, FrameStack(self.frames, control_dt, count, sectors, arrays))
 
     def show(self, seen: Seen, memory: Any) -> tuple[Any, ...]:
         """Return the scans, each (n, sectors)."""
@@ -105,11 +108,11 @@ class Scan(ObservationPart):
 class ScanMemory(Memory):
     """The last scans of robots, as they are shown."""
 
-    def __init__(self, part: Scan, frames: FramesLayout, count: int, arrays: Arrays) -> None:
-        """Make room for ``count`` robots."""
+    def __init__(self, part: Scan, stack: FrameStack) -> None:
+        """Keep them in ``stack``."""
         self._part = part
-        self.period = frames.length
-        self.stack = FrameStack(frames, count, part.shape[-1], arrays)
+        self.period = stack.length
+        self.stack = stack
 
     def begin(self, seen: Seen) -> None:
         """Let robots have seen nothing but this."""
