@@ -24,7 +24,8 @@ def published() -> list[tuple[str, str, list[float]]]:
         card = resources.files("pm01_nav") / "zoo" / name / "card.yaml"
         with resources.as_file(card) as path:
             results = load_yaml(path)["results"]
-        rows += [(name, row["suite"], row["success_rate_ci95"]) for row in results]
+        named = [row for row in results if "suite" in row]
+        rows += [(name, row["suite"], row["success_rate_ci95"]) for row in named]
     return [row for row in rows if row[1] in suites()]
 
 
