@@ -8,6 +8,7 @@ on the repository's web page.
 from sphinx.application import Sphinx
 
 import pm01_nav
+import pm01_nav.training.config  # pydantic cannot make it where autodoc says that types are checked
 
 project = "PM01 Navigation"
 author = "The PM01 Navigation authors"
