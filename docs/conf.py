@@ -8,7 +8,9 @@ on the repository's web page.
 from sphinx.application import Sphinx
 
 import pm01_nav
-import pm01_nav.training.config  # pydantic cannot make it where autodoc says that types are checked
+
+# Autodoc imports with TYPE_CHECKING set, and pydantic fails to build this model then.
+import pm01_nav.training.config
 
 project = "PM01 Navigation"
 author = "The PM01 Navigation authors"

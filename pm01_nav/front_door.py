@@ -30,7 +30,7 @@ def make_env(
 ) -> NavVecEnv:
     """Return ``num_envs`` robots as one native Stable-Baselines3 ``VecEnv``.
 
-    Observations are float32 of shape (num_envs, size), actions (num_envs, 2) in [-1, 1].
+    Observations are float32 of shape (num_envs, size), actions (num_envs, axes) in [-1, 1].
     ``changes`` are keys of ``TaskConfig``, as in ``gym.make``. Rewards are multiplied by
     ``reward_scale``; 0.02 suits SB3's PPO.
 

@@ -15,7 +15,8 @@ from pm01_nav.envs.contract import checked_actions, stream_numbers
 from pm01_nav.envs.render import BatchRenderer
 from pm01_nav.envs.spaces import action_space, observation_space, widened
 from pm01_nav.errors import InputError
-from pm01_nav.task.navigation import Episodes, NavigationBatch
+from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.outcomes import Episodes
 
 
 class NavVecEnv(VecEnv):
@@ -70,7 +71,7 @@ class NavVecEnv(VecEnv):
         return self.batch.layout.as_space(observation)
 
     def step_async(self, actions: ArrayLike) -> None:
-        """Take the actions (num_envs, 2) for the next ``step_wait``.
+        """Take the actions (num_envs, axes) for the next ``step_wait``.
 
         Raises:
             InputError: they have another shape, or are no numbers.

@@ -25,7 +25,8 @@ from pm01_nav.envs.render import RENDER_MODES, BatchRenderer
 from pm01_nav.envs.spaces import action_space, described, observation_space, resolve_task
 from pm01_nav.errors import InputError
 from pm01_nav.task.config import TaskConfig
-from pm01_nav.task.navigation import BatchStep, NavigationBatch
+from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.outcomes import BatchStep
 from pm01_nav.task.worlds import world_pool
 
 BatchInfo = dict[str, Any]
@@ -121,7 +122,7 @@ class NavVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         return self.batch.layout.as_space(self.batch.observe()), {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, BatchInfo]:
-        """Apply actions (num_envs, 2) in [-1, 1].
+        """Apply actions (num_envs, axes) in [-1, 1].
 
         Raises:
             ResetNeeded: there was no ``reset`` yet, or none of what ended, if nobody else resets.

@@ -29,7 +29,7 @@ cuda: Any = numba_cuda
 
 
 def move_all(state, errors, drawn, command, came_from, base, worlds, time, crowd, tables):
-    """Apply commands (num_envs, 2) [m/s, rad/s]; see ``kernels.step_batch``.
+    """Apply commands (num_envs, axes) [m/s, rad/s]; see ``kernels.step_batch``.
 
     Each thread has a row of ``tables`` and, of many robots among movers, several. ``came_from``
     (num_envs, 3) keeps the last poses of robots with errors.

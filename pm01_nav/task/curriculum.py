@@ -21,7 +21,7 @@ from pm01_nav.robot import NonNegative, Positive
 
 if TYPE_CHECKING:
     from pm01_nav.task.config import TaskConfig
-    from pm01_nav.task.navigation import Episodes
+    from pm01_nav.task.outcomes import Episodes
 
 FloatArray = NDArray[np.float64]
 Limits = tuple[float, float]

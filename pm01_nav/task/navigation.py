@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from operator import add
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +18,7 @@ from pm01_nav.sim.settings import SWITCHES, Features, TrailParams
 from pm01_nav.sim.simulator import Simulator
 from pm01_nav.task.config import TaskConfig, observation_layout
 from pm01_nav.task.observation import ObservationLayout, Observer
+from pm01_nav.task.outcomes import BatchStep, Episodes, MaskedStep
 from pm01_nav.task.parts.base import ALL, Elapsed, Seen
 from pm01_nav.task.people import nearest_mover
 from pm01_nav.task.privileged import Privileged
@@ -26,61 +26,6 @@ from pm01_nav.task.rewards import RewardTable, needed
 from pm01_nav.task.step import Step
 from pm01_nav.task.terminations import judge, out_of_time
 from pm01_nav.worlds.pool import WorldPool
-
-
-@dataclass(frozen=True)
-class Episodes:
-    """Episodes that ended in one step; one row each."""
-
-    indices: NDArray[np.int64]
-    """Which environments, shape (n,)."""
-    world: NDArray[np.int64]
-    """The world of each in the pool, shape (n,)."""
-    success: NDArray[np.bool_]
-    collision: NDArray[np.bool_]
-    steps: NDArray[np.int64]
-    returns: NDArray[np.float64]
-    """Sum of rewards, shape (n,)."""
-    terms: dict[str, NDArray[np.float64]]
-    """Each reward term's weighted sum, shape (n,)."""
-    final_observation: NDArray[np.float32]
-    """The last observation before the reset, shape (n, observation size)."""
-    faults: dict[int, str] = field(default_factory=dict)
-    """Why the simulator gave environments up, if it did."""
-
-
-@dataclass(frozen=True)
-class BatchStep:
-    """The outcome of one step of every environment, after the finished ones were reset."""
-
-    observation: NDArray[np.float32]
-    reward: NDArray[np.float64]
-    rewards: dict[str, NDArray[np.float64]]
-    """Each term's weighted share of ``reward``, shape (num_envs,)."""
-    terminated: NDArray[np.bool_]
-    truncated: NDArray[np.bool_]
-    episodes: Episodes | None
-    """Those that ended, if any."""
-
-
-class MaskedStep(NamedTuple):
-    """The outcome of one step where nothing may depend on which environments ended.
-
-    All have one row an environment; the last five tell of the episode and are final where it ended.
-    """
-
-    observation: Any
-    reward: Any
-    terminated: Any
-    truncated: Any
-    success: Any
-    world: Any
-    """The episode's world in the pool."""
-    steps: Any
-    returns: Any
-    """Sum of rewards."""
-    term_sums: Any
-    """Each reward term's weighted sum, shape (num_terms, num_envs)."""
 
 
 def features(config: TaskConfig, layout: ObservationLayout) -> Features:
@@ -105,7 +50,7 @@ class SeenInSimulation(Seen):
     """What a simulator's robots measure; scans are read only where a part wants every beam."""
 
     def __init__(self, simulator: Simulator, action: Any, robots: Any) -> None:
-        """Look at these of the robots, whose last actions are in ``action`` (num_envs, 2)."""
+        """Look at these of the robots, whose last actions are in ``action`` (num_envs, axes)."""
         self._simulator = simulator
         self.robots = robots
         self.goal = simulator.measured_goal[robots]
@@ -217,7 +162,7 @@ class NavigationBatch:
         return SeenInSimulation(self.simulator, self._action, indices)
 
     def advance(self, command: NDArray[np.float64]) -> Step:
-        """Apply commands (num_envs, 2) [m/s, rad/s] and judge the outcome; nothing is reset."""
+        """Apply commands (num_envs, axes) [m/s, rad/s] and judge the outcome; nothing is reset."""
         state = self.simulator.state
         xp, radius = self.arrays.xp, self.robot.footprint.circumscribed_radius
         before = xp.asarray(state.goal_polar[:, 0], copy=True)
@@ -249,7 +194,7 @@ class NavigationBatch:
         return step
 
     def step(self, action: Any, begins: Any = None) -> BatchStep:
-        """Apply actions (num_envs, 2), clipped to [-1, 1]; reset what ended.
+        """Apply actions (num_envs, axes), clipped to [-1, 1]; reset what ended.
 
         Where the mask ``begins`` (num_envs,) says so, a new episode begins instead: its action
         does not count, and nothing is paid.

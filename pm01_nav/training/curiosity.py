@@ -126,7 +126,7 @@ class IntrinsicReward(VecEnvWrapper):
         return observation
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Take the actions (num_envs, 2) for the next ``step_wait``."""
+        """Take the actions (num_envs, axes) for the next ``step_wait``."""
         self._actions = np.asarray(actions, dtype=np.float32)
         super().step_async(actions)
 

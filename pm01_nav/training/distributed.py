@@ -16,7 +16,7 @@ from stable_baselines3 import PPO
 
 from pm01_nav.envs.spaces import action_space
 from pm01_nav.standing import Host, StandingWorkers
-from pm01_nav.task.navigation import Episodes
+from pm01_nav.task.outcomes import Episodes
 from pm01_nav.training.algorithm_config import Rate
 from pm01_nav.training.config import RunConfig
 from pm01_nav.training.networks import network_space

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from pm01_nav.task.navigation import Episodes
+from pm01_nav.task.outcomes import Episodes
 
 WINDOW = 2000
 """Episodes that training rates are averaged over."""

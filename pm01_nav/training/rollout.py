@@ -17,7 +17,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 
 from pm01_nav.envs.sb3_vec_env import NavVecEnv
-from pm01_nav.task.navigation import Episodes, NavigationBatch
+from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.outcomes import Episodes
 from pm01_nav.task.worlds import world_pool
 from pm01_nav.training.config import RunConfig
 from pm01_nav.training.networks import privileged

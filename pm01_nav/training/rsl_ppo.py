@@ -21,7 +21,8 @@ from stable_baselines3.common.logger import Logger
 from tensordict import TensorDict
 
 from pm01_nav.errors import InputError
-from pm01_nav.task.navigation import Episodes, MaskedStep, NavigationBatch
+from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.outcomes import Episodes, MaskedStep
 from pm01_nav.training.algorithms.ppo import PPOConfig
 from pm01_nav.training.budget import Budget
 from pm01_nav.training.ppo import make_policy

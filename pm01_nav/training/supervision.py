@@ -20,7 +20,7 @@ from pm01_nav.envs.sb3_vec_env import NavVecEnv
 from pm01_nav.errors import InputError
 from pm01_nav.policy.export import greedy_policy
 from pm01_nav.task.curriculum import Curriculum, apply
-from pm01_nav.task.navigation import Episodes
+from pm01_nav.task.outcomes import Episodes
 from pm01_nav.task.spinning import SpinMeter
 from pm01_nav.training.advice import findings
 from pm01_nav.training.algorithm_config import Algorithm

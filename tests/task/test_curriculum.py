@@ -23,7 +23,8 @@ from pm01_nav.task.curriculum import (
     effective_number,
     make_curriculum,
 )
-from pm01_nav.task.navigation import Episodes, NavigationBatch
+from pm01_nav.task.navigation import NavigationBatch
+from pm01_nav.task.outcomes import Episodes
 from pm01_nav.task.tasks import navigation
 from pm01_nav.worlds.pool import WorldPool, build_pool
 from pm01_nav.worlds.world import World
